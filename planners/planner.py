@@ -308,36 +308,6 @@ class Planner:
         return refined(self.graph, plan, seed)
 
     @checked(QUERY)
-    def proves(self, plan: Plan, index: int, state: State, inflation: float) -> bool:
-        """Return whether the rest of a plan is proved to cost at most w times the minimum.
-
-        There is no search, so a rest may do so without proof. Its steps are not checked.
-
-        Parameters
-        ----------
-        plan
-            The plan.
-        index
-            Index of the first step of the rest.
-        state
-            The state before it, in the present world.
-        inflation
-            Suboptimality bound w, at least 1.
-
-        Raises
-        ------
-        MlivrError
-            If the state cannot be used.
-        """
-        graph, query, rest = self.graph, plan.query, plan.motion.base_positions[index:]
-        goal = Goal.from_arguments(
-            graph, query.goal, query.cost_name, query.regrasp_price, query.goal_tolerance,
-            query.goal_face,
-        )  # fmt: skip
-        search = SearchQuery.from_options(graph, goal, inflation=inflation)
-        return self._searcher.proves(search, graph.validated_state(state), query.cost_of(rest))
-
-    @checked(QUERY)
     def prepare(
         self,
         goal: Sequence[float] | Array,

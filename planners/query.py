@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import NOT_NEGATIVE, SEED, InstanceOf, Reader, Validators
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Reader, Validators
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
@@ -59,7 +59,6 @@ QUERY: Validators = {
     "method": Choice(METHODS),
     "heuristic": OrNone(Reader(_heuristic_name)),
     "inflation": OrNone(Tuples((), 1.0)),
-    "state": InstanceOf(State),
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
     "seed": SEED,

@@ -128,11 +128,6 @@ class GraphSearcher:
         assert isinstance(graph, ImplicitGraph)
         return run_search(ImplicitSearch(graph, search, start))
 
-    def proves(self, search: SearchQuery, start: State, cost: float) -> bool:
-        """Return whether lower bounds prove a cost to be at most `inflation` times the minimum."""
-        bounds = self.lower_bounds()
-        return bounds is not None and TableSearch(bounds, search, start).proves(cost)
-
     def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""
         key = key_of(graph)

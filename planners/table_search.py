@@ -212,22 +212,12 @@ class TableSearch(PathSearch):
                 self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
 
     def proves(self, cost: float) -> bool:
-        """Return whether lower bounds prove a cost to be at most `inflation` times the minimum.
-
-        They are those without obstacles, and then those over what is not known to be blocked.
-        """
-        most = self.search.inflation * (1.0 + COST_TOLERANCE)
+        """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
         starts = self._origins.nodes
-        bounds = self._lower_bounds.cached(self.goal, starts)
-        bounds = bounds or self._lower_bounds.compute(self.goal, starts)
-        if cost <= most * self._least_from_origins(bounds):
-            return True
-        return cost <= most * self._least_from_origins(self._bounds_of_rest(bounds))
-
-    def _least_from_origins(self, goal_bounds: GoalBounds) -> float:
-        """Return the least lower bound of the cost at an origin."""
-        origins = self._origins
-        return float((origins.cost + goal_bounds.h[origins.nodes]).min(initial=np.inf))
+        known = self._lower_bounds.cached(self.goal, starts)
+        bounds = self._bounds_of_rest(known or self._lower_bounds.compute(self.goal, starts))
+        least = float((self._origins.cost + bounds.h[starts]).min(initial=np.inf))
+        return cost <= least * (1.0 + COST_TOLERANCE)
 
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
@@ -290,7 +280,8 @@ class TableSearch(PathSearch):
 
     def _raise_lower_bound(self, goal_bounds: GoalBounds) -> None:
         """Raise the lower bound of all plans to the least bound at an origin."""
-        least = self._least_from_origins(goal_bounds)
+        origins = self._origins
+        least = float((origins.cost + goal_bounds.h[origins.nodes]).min())
         if goal_bounds.cost == self.goal.cost or least == np.inf:
             self.lower_bound = max(self.lower_bound, least)
 

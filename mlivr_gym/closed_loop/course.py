@@ -2,8 +2,7 @@
 
 A plan of a search with a time limit may be longer than what remains of the one before, and so may
 the next one; a robot that follows each could go back and forth. It therefore keeps the remainder of
-its plan as long as that is cheaper than the new plan and still possible. Where any plan within a
-suboptimality bound will do, it does not plan anew while the remainder is proved to be one.
+its plan as long as that is cheaper than the new plan and still possible.
 
 While a limb swings, the robot plans on from the state in which it will arrive, so that little is
 left to do when it has arrived.
@@ -47,22 +46,13 @@ class Course:
     taken
         Number of its steps that were taken.
     is_new
-        Whether it was found in the last planning, in the world that is believed now. The swings of
-        an older one were checked among the obstacles of then.
+        Whether it was found in the last planning. The swings of an older one were checked among
+        the obstacles of then.
     """
 
-    def __init__(
-        self, belief: Belief, plan_from: Callable[[State, float], PlanningResult],
-        proves: Callable[[Plan, int, State], bool] = lambda *_: False,
-    ) -> None:  # fmt: skip
-        """Plan in what is believed, by a function of the state and a factor of the time.
-
-        `proves` tells of a plan from the step of an index on, and the state before it, whether it
-        is proved to be good enough.
-        """
+    def __init__(self, belief: Belief, plan_from: Callable[[State, float], PlanningResult]) -> None:
+        """Plan in what is believed, by a function of the state and a factor of the time."""
         self._belief, self._graph, self._plan_from = belief, belief.graph, plan_from
-        self._proves = proves
-        self._last: PlanningResult | None = None
         self.plan: Plan | None = None
         self.taken, self.is_new = 0, False
         self._forecast: _Forecast | None = None
@@ -70,7 +60,7 @@ class Course:
     def plan_ahead(self, state: State) -> bool:
         """Plan from a state in which the robot will be; return whether anything was to be done."""
         self._belief.update_graph(state)
-        if self._foreseen(state) or self._is_good(self.plan, self.taken + 1, state):
+        if self._foreseen(state) is not None:
             return False
         self._forecast = _Forecast(state, self._graph.version, self._plan_from(state, 1.0))
         return True
@@ -78,16 +68,15 @@ class Course:
     def _foreseen(self, state: State) -> _Forecast | None:
         """Return what was planned ahead for a state, None if it does not hold in what is believed.
 
-        It holds in the world in which it was planned, and as long as its plan is good enough. That
-        there is none is taken to hold while nothing goes, though it is proved of then alone.
+        That there is no plan is taken to hold while nothing goes, though it is proved of then
+        alone.
         """
         found, graph = self._forecast, self._graph
         if found is None or found.state != state:
             return None
-        is_present, plan = found.version == graph.version, found.result.plan
-        if plan is None and found.result.reason in PROVED_IMPOSSIBLE:
-            return found if is_present or graph.has_all_since(found.version) else None
-        return found if is_present or self._is_good(plan, 0, state) else None
+        is_none = found.result.reason in PROVED_IMPOSSIBLE
+        holds = found.version == graph.version or (is_none and graph.has_all_since(found.version))
+        return found if holds else None
 
     def _search(self, state: State, patience: float = 1.0) -> PlanningResult:
         """Plan from a state in what is believed now."""
@@ -97,17 +86,13 @@ class Course:
     def replan(self, state: State, is_retry: bool = False) -> PlanningResult:
         """Plan from a state in what is believed now; follow the plan, or what remains of the last.
 
-        If what remains is possible and good enough, the result is that of the last planning. Of two
-        that cost the same, the new one is followed, except in a retry of a step. If neither exists,
-        a plan is sought without obstacles that were told and not seen, among smaller and fewer
-        boxes, and with points to which paths were blocked, see `Belief.relax`, and then, unless it
-        is proved that there is none, for `PATIENCE` times as long.
+        Of two that cost the same, the new one is followed, except in a retry of a step. If neither
+        exists, a plan is sought without obstacles that were told and not seen, among smaller and
+        fewer boxes, and with points to which paths were blocked, see `Belief.relax`, and then,
+        unless it is proved that there is none, for `PATIENCE` times as long.
         """
         belief = self._belief
         belief.update_graph(state)
-        if self._last is not None and self._is_good(self.plan, self.taken, state):
-            self.is_new = False
-            return self._last
         foreseen = self._foreseen(state)
         is_present = foreseen is None or foreseen.version == self._graph.version
         result = foreseen.result if foreseen else self._plan_from(state, 1.0)
@@ -118,12 +103,11 @@ class Course:
         is_proved = result.reason in PROVED_IMPOSSIBLE
         if result.plan is None and not is_proved and not self._remains(state):
             result = self._search(state, PATIENCE)
-        new, self._last = result.plan, result
-        is_followed = new is not None and (
+        new = result.plan
+        self.is_new = new is not None and (
             self._is_preferred(new, is_retry) or not self._remains(state)
         )
-        self.is_new = is_followed and is_present
-        if is_followed:
+        if self.is_new:
             self.plan, self.taken = new, 0
         elif new is None and not self._remains(state):
             self.plan = None
@@ -136,18 +120,9 @@ class Course:
         rest = self.plan.query.cost_of(self.plan.motion.base_positions[self.taken :])
         return new.cost < rest + (-ROUNDING if is_retry else ROUNDING)
 
-    def _is_good(self, plan: Plan | None, taken: int, state: State) -> bool:
-        """Return whether a plan leads on from a state after some steps, and is good enough."""
-        leads_on = self._leads_on(plan, taken, state)
-        return leads_on and plan is not None and self._proves(plan, taken, state)
-
     def _remains(self, state: State) -> bool:
         """Return whether the remainder of the plan leads on from a state in what is believed."""
-        return self._leads_on(self.plan, self.taken, state)
-
-    def _leads_on(self, plan: Plan | None, taken: int, state: State) -> bool:
-        """Return whether a plan leads on from a state after some steps in what is believed."""
-        graph = self._graph
+        plan, taken, graph = self.plan, self.taken, self._graph
         if plan is None or plan.stances[taken] != graph.ids(state.stance):
             return False
         for stance in plan.stances[taken + 1 :]:

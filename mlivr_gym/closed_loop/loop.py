@@ -128,8 +128,7 @@ def run_closed_loop(
         Number of attempted steps after which the robot stops.
     time_limit
         Maximum time of each planning [s]. More than two limbs follow a plan that is proved within
-        `INFLATION`, or the best one found in this time, and do not plan anew while its rest is
-        possible and proved to be that good; without a limit, they follow the first one found. If
+        `INFLATION`, or the best one found in this time; without a limit, the first one found. If
         none is found, any plan is searched for, `PATIENCE` times as long, before the robot stops.
     show
         Called with each event.
@@ -171,14 +170,11 @@ def run_closed_loop(
         limit = None if time_limit is None else patience * time_limit
         return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
 
-    def proves(plan: Plan, index: int, state: State) -> bool:
-        return inflation is not None and planner.proves(plan, index, state, inflation)
-
     def why_none(result: PlanningResult) -> str:
         occupancy = goal_occupancy(graph, goal, goal_tolerance)
         return "; ".join(filter(None, (occupancy, result.message)))
 
-    loop = _Loop(executor, (plan_from, proves, why_none), (camera, tuple(crew)), seed, show)
+    loop = _Loop(executor, (plan_from, why_none), (camera, tuple(crew)), seed, show)
     loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
@@ -193,20 +189,16 @@ class _Loop:
     def __init__(
         self,
         executor: StepExecutor,
-        planning: tuple[
-            Callable[..., PlanningResult],
-            Callable[[Plan, int, State], bool],
-            Callable[[PlanningResult], str],
-        ],
+        planning: tuple[Callable[..., PlanningResult], Callable[[PlanningResult], str]],
         around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
         (camera, self._crew), self.graph = around, executor.graph
-        plan_from, proves, self._why_none = planning
+        plan_from, self._why_none = planning
         self._robot = SensingRobot(executor, camera, seed, self._crew, show)
         self._executor, self._belief = executor, self._robot.belief
-        self.record, self._course = self._robot.record, Course(self._belief, plan_from, proves)
+        self.record, self._course = self._robot.record, Course(self._belief, plan_from)
         self.withdraw = self._belief.withdraw
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:

@@ -128,44 +128,6 @@ def test_what_was_planned_ahead_is_followed_if_nothing_has_changed(graph):
     assert asked == [start, state, start, start, start]
 
 
-def test_there_is_no_planning_while_what_remains_is_possible_and_good_enough(graph):
-    planner, asked, good = Planner(graph), [], [True]
-
-    def plan_from(state, _):
-        asked.append(state)
-        return planner.plan(state, GOAL, "steps")
-
-    course = Course(Belief(graph, 0.003), plan_from, lambda *_: good[0])
-    start = graph.state(START)
-    plan = course.replan(start).unwrap()
-    (limb, point), (_, following) = plan.actions[:2]
-    moves = graph.successors(start)
-    state = moves.after(start, moves.find(limb, graph.grasp_map.index(point)))
-    assert not course.plan_ahead(state)
-    course.taken += 1
-    assert course.replan(state).unwrap() is plan
-    assert (course.taken, course.is_new, asked) == (1, False, [start])
-    good[0] = False
-    course.replan(state)
-    assert asked == [start, state]
-    good[0] = True
-    graph.occupy([following])
-    try:
-        assert course.replan(state).unwrap().actions[0] != plan.actions[1]
-        assert asked == [start, state, state]
-        # What was planned ahead holds if points that it does not need become occupied.
-        assert course.plan_ahead(start)
-        foreseen = planner.plan(start, GOAL, "steps").unwrap()
-        free = set(graph.grasp_map.ids) - {point for stance in foreseen.stances for point in stance}
-        graph.occupy([min(free - {following})])
-        assert not course.plan_ahead(start)
-        assert course.replan(start).unwrap().actions == foreseen.actions
-        assert asked == [start, state, state, start]
-        assert not course.is_new  # its swings were checked in another world
-    finally:
-        graph.vacate()
-
-
 def test_that_no_plan_was_found_ahead_is_believed_until_it_would_end_the_walk(graph):
     """A long proof is not repeated at each look, but the last one holds in the present world."""
     asked, planner = [], Planner(graph)
