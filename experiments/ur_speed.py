@@ -1,7 +1,7 @@
 """Compare the speed of two UR5e before other families of arms came, and now, in one run.
 
-    git worktree add /tmp/before 09d5d047
-    python experiments/ur_speed.py --before /tmp/before [--out results] [--repeats 7]
+    git worktree add ../before 09d5d047
+    python experiments/ur_speed.py --before ../before [--out results] [--repeats 7]
 
 09d5d047 is the last commit with UR arms alone. `ur_speed_once.py` runs with that checkout and with
 this one in turn, each time in a new process without stored graphs; machine code is compiled in a
