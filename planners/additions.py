@@ -94,17 +94,8 @@ def places_on_rails(grasp_map: GraspMap, spacing: float = HALF_SPACING) -> Grasp
     They lie at multiples of a spacing from the middle of each rail, clear of handrails, and have
     the id of the rail with the signed distance from its middle in millimetres.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    spacing
-        Distance of the places [m].
+    Raises an `MlivrError` if the spacing [m] is not valid, or a rail would have too many places.
 
-    Raises
-    ------
-    MlivrError
-        If the spacing is not valid, or a rail would have too many places.
 
     Examples
     --------
@@ -152,22 +143,10 @@ def points_to_add(
     Each candidate is tried alone. If none suffices, a set is sought of which none can be spared;
     two are then the smallest number, while of three or more that is not proved.
 
-    Parameters
-    ----------
-    graph
-        A graph of two limbs, with its obstacles and occupied points.
-    start, goal, goal_tolerance, goal_face
-        As for `Planner.plan`; no plan exists.
-    candidates
-        The points that may be added, as a map; by default `places_on_rails` of the map.
-    progress
-        Called with the number of candidates tried alone.
-
-    Raises
-    ------
-    MlivrError
-        If an argument cannot be used, the start cannot be held, the map has no candidate, or the
-        robot has more than two limbs.
+    The graph is one of two limbs. Start and goal are those of `Planner.plan`, for which no plan
+    exists; the candidates are by default the `places_on_rails` of the map. `progress` is called
+    with the number of candidates tried alone. Raises an `MlivrError` if an argument cannot be used,
+    the start cannot be held, the map has no candidate, or the robot has more than two limbs.
     """
     if not isinstance(graph, TwoLimbGraph):
         raise SettingError(f"points to add need two limbs; robot {graph.robot.name!r} has more")
@@ -253,20 +232,9 @@ def one_more_limb(
 ) -> MoreLimbs | None:
     """Search for a plan of the shipped robot with one limb more; None if there is no such robot.
 
-    Parameters
-    ----------
-    graph
-        A graph of a shipped robot, with its obstacles and occupied points.
-    start, goal, goal_tolerance, goal_face
-        As for `Planner.plan`. The other limb holds the first of the points nearest to those of the
-        start with which the robot has a posture.
-    limit
-        Maximum number of expansions.
-
-    Raises
-    ------
-    MlivrError
-        If an argument cannot be used.
+    Start and goal are those of `Planner.plan`. The other limb holds the first of the points nearest
+    to those of the start with which the robot has a posture. The search expands at most `limit`
+    states. Raises an `MlivrError` if an argument cannot be used.
     """
     name = f"mlivr{graph.limbs + 1}"
     if graph.robot != robot_spec(f"mlivr{graph.limbs}") or name not in ROBOTS:

@@ -64,27 +64,10 @@ def algorithm1(
 ) -> SearchTree:
     """Search from a state to any stance at the goal.
 
-    Parameters
-    ----------
-    graph
-        The stance graph, of any number of limbs.
-    start
-        The start state, for example `graph.state(stance)`.
-    goal
-        Goal region and cost.
-    heuristic
-        `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`.
-    inflation
-        Factor on the heuristic; with 1 and a consistent heuristic the path has minimum cost.
-    limit
-        Maximum number of expansions.
-    progress
-        Called from time to time with the number of expansions.
-
-    Returns
-    -------
-    SearchTree
-        The expanded states; their parents give the path.
+    The heuristic is `"consistent"`, `"paper"` or `"zero"`, see `Cost.heuristic`, times `inflation`;
+    with 1 and a consistent heuristic the path has minimum cost. At most `limit` states are
+    expanded; `progress` is called with their number. The parents of the expanded states, which are
+    returned, give the path.
     """
     cost = goal.cost
 

@@ -222,29 +222,10 @@ def find_walk(
 ) -> Walk:
     """Find a walk by one of the baselines.
 
-    Parameters
-    ----------
-    method
-        One of `BASELINES`.
-    moves
-        The moves of the world, `MlivrEnv.moves`.
-    start
-        The start state.
-    goal
-        Goal position of the base [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
-    max_steps
-        Maximum number of steps.
-    budget
-        Number of simulations for each step of `mcts`.
-    seed
-        Seed of `random` and `mcts`.
-
-    Raises
-    ------
-    SettingError
-        If the method is unknown.
+    The method is one of `BASELINES`, and the moves are those of the world, `MlivrEnv.moves`. The
+    goal position has shape (3,) [m], its region the radius `tolerance` [m]. `mcts` makes `budget`
+    simulations for each step; it and `random` are seeded. Raises a `SettingError` if the method is
+    unknown.
     """
     choice("method", method, BASELINES)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, max_steps)

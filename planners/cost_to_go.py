@@ -43,10 +43,7 @@ class CostToGo:
     def value(self, state: State) -> float:
         """Return the cost from a state to the goal; infinite for a stance that cannot be held.
 
-        Raises
-        ------
-        StanceError
-            If it is no state on this map.
+        Raises a `StanceError` if it is no state on this map.
         """
         self.graph.check(state)
         if state.pose is not None:

@@ -85,21 +85,14 @@ class LazyTable(ABC):
     ) -> NDArray[np.uint64]:
         """Check edges; return the branches that limbs may be on after them, 0 for no step.
 
-        Parameters
-        ----------
-        edges
-            Numbers of the edges, shape (k,).
-        branch_sets
-            Branches that the limbs may be on before them, shape (k,).
+        The numbers of the edges, the branches before them and those after have shape (k,).
         """
 
     def checked_branch_sets(self, path: NodePath) -> NDArray[np.uint64] | None:
         """Check the edges of a path; return the branches that limbs may be on along it.
 
-        Returns
-        -------
-        NDArray[np.uint64] | None
-            The branch sets, see `limb_branch_sets`, shape (k + 1,); None if a limb keeps no branch.
+        The branch sets, see `limb_branch_sets`, have shape (k + 1,); they are None if a limb keeps
+        no branch.
         """
         return path.branch_sets
 
@@ -109,14 +102,8 @@ class LazyTable(ABC):
     ) -> StatePath | None:
         """Return the states of a path whose edges were checked, or None if a step fails after all.
 
-        Parameters
-        ----------
-        start
-            Path to the first node of the path.
-        relabelling
-            Cyclic relabelling of the limbs that makes its stance that of the table.
-        node_path
-            The path over nodes.
+        `start` is a path to the first node of `node_path`, and `relabelling` the cyclic relabelling
+        of the limbs that makes its stance that of the table.
         """
 
 

@@ -17,58 +17,38 @@ The last two are reasons of a `PlanningResult` without a plan.
 
 @dataclass(frozen=True)
 class Improvement:
-    """A path that a search found before it ended, with the quality proved at that time.
-
-    Attributes
-    ----------
-    time
-        Time from the start of the search [s].
-    cost
-        Cost of the path.
-    bound
-        Optimality bound: the path was proved to cost at most this factor times the minimum;
-        infinite if nothing was proved.
-    """
+    """A path that a search found before it ended, with the quality proved at that time."""
 
     time: float
+    """Time from the start of the search [s]."""
     cost: float
+    """Cost of the path."""
     bound: float
+    """Optimality bound: the path was proved to cost at most this factor times the minimum; infinite
+    if nothing was proved."""
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The path that a search found, with its statistics.
-
-    Attributes
-    ----------
-    status
-        `GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`.
-    states
-        States from the start to the goal, or to the last expanded state if the goal was not
-        reached.
-    cost
-        Cost of the path.
-    expanded
-        Number of states expanded.
-    generated
-        Number of states put into the open queue.
-    tree
-        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    backward_expanded
-        Number of nodes that backward searches settled to compute the lower bounds.
-    bound
-        Optimality bound: the path costs at most this factor times the minimum; infinite if
-        nothing is proved.
-    improvements
-        The paths found in turn, each cheaper than the one before.
-    """
+    """The path that a search found, with its statistics."""
 
     status: str
+    """`GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`."""
     states: tuple[State, ...]
+    """States from the start to the goal, or to the last expanded state if the goal was not
+    reached."""
     cost: float
+    """Cost of the path."""
     expanded: int
+    """Number of states expanded."""
     generated: int
+    """Number of states put into the open queue."""
     tree: Array
+    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
     backward_expanded: int = 0
+    """Number of nodes that backward searches settled to compute the lower bounds."""
     bound: float = math.inf
+    """Optimality bound: the path costs at most this factor times the minimum; infinite if nothing
+    is proved."""
     improvements: tuple[Improvement, ...] = ()
+    """The paths found in turn, each cheaper than the one before."""

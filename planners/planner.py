@@ -67,13 +67,7 @@ class Planner:
 
     @checked(QUERY)
     def __init__(self, graph: StanceGraph) -> None:
-        """Plan on a stance graph.
-
-        Parameters
-        ----------
-        graph
-            The graph, as `stance_graph` makes it.
-        """
+        """Plan on a stance graph."""
         self.graph, self._searcher = graph, GraphSearcher(graph)
         self._committed_steps = CommittedSteps(graph)
         self._cost_tables: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
@@ -215,32 +209,9 @@ class Planner:
         The query is repeated on graphs without obstacles, collisions, thresholds, joint limits or
         step checks, which takes some seconds.
 
-        Parameters
-        ----------
-        start
-            As in `plan`, as are the next five parameters.
-        goal
-            Goal position x, y, z in the module frame [m].
-        goal_tolerance
-            Radius of the goal region [m].
-        goal_face
-            Face of the map on which all limbs hold points at the goal.
-        start_pose
-            Base pose at the start.
-        start_joints
-            Joint angles at the start [rad].
-        limit
-            Maximum number of expansions of each search with more than two limbs.
-
-        Returns
-        -------
-        Cause
-            The rules that cut the goal off, with a message.
-
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used, or the start cannot be held.
+        The arguments are those of `plan`; with more than two limbs each search expands at most
+        `limit` states. Raises an `MlivrError` if an argument cannot be used, or the start cannot be
+        held.
         """
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
@@ -293,17 +264,8 @@ class Planner:
         The method is that of `refinement.refined`, which returns the given plan if it finds no
         better one; the given plan is not changed.
 
-        Parameters
-        ----------
-        plan
-            A plan of this map and robot.
-        seed
-            Seed of the sampled base poses.
-
-        Raises
-        ------
-        PlanError
-            If the plan belongs to another map or robot, or is not possible in the present world.
+        The base poses are sampled with a seed. Raises a `PlanError` if the plan belongs to another
+        map or robot, or is not possible in the present world.
         """
         return refined(self.graph, plan, seed)
 
@@ -320,13 +282,9 @@ class Planner:
         """Compute the relaxed cost-to-go, the heuristic `"relaxed"`, from all stances to a goal.
 
         Further plans to the goal are then fast. It is the minimum cost if limbs could change their
-        branches, and stays a lower bound when points are occupied or obstacles added.
-        The parameters are those of `plan`.
-
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs.
+        branches, and stays a lower bound when points are occupied or obstacles added. The
+        parameters are those of `plan`. Raises a `SettingError` if the robot has more than two
+        limbs.
         """
         graph, lower_bounds = self._two_limbs(), self._searcher.lower_bounds()
         assert lower_bounds is not None
@@ -345,12 +303,8 @@ class Planner:
     ) -> CostToGo:
         """Return the exact cost-to-go from every state to a goal, with all steps checked.
 
-        The parameters are those of `plan`. The table is cached until the world changes.
-
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs.
+        The parameters are those of `plan`. The table is cached until the world changes. Raises a
+        `SettingError` if the robot has more than two limbs.
         """
         graph = self._two_limbs()
         target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)

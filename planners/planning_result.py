@@ -39,41 +39,28 @@ class Timer:
 
 @dataclass(frozen=True, repr=False)
 class PlanningResult:
-    """A plan, or the reason why there is none, with the statistics of the search.
-
-    Attributes
-    ----------
-    plan
-        The plan, or None.
-    reason
-        `""` for a plan, otherwise `"start infeasible"`, `"goal outside the reachable set"`,
-        `"search exhausted"`, `"limit reached"` or `"no swing"`.
-    message
-        One sentence for people.
-    expanded
-        Number of states expanded.
-    generated
-        Number of states put into the open queue.
-    feasibility_time
-        Time spent on checking the start state [s].
-    search_time
-        Time spent on the search and on step checks [s].
-    tree
-        Base positions at both ends of each explored step, shape (e, 2, 3) [m].
-    improvements
-        The paths found in turn, each cheaper than the one before, with the times at which they were
-        found; the last one is that of the plan.
-    """
+    """A plan, or the reason why there is none, with the statistics of the search."""
 
     plan: Plan | None
+    """The plan, or None."""
     reason: str
+    """`""` for a plan, otherwise `"start infeasible"`, `"goal outside the reachable set"`, `"search
+    exhausted"`, `"limit reached"` or `"no swing"`."""
     message: str
+    """One sentence for people."""
     expanded: int
+    """Number of states expanded."""
     generated: int
+    """Number of states put into the open queue."""
     feasibility_time: float
+    """Time spent on checking the start state [s]."""
     search_time: float
+    """Time spent on the search and on step checks [s]."""
     tree: Array
+    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
     improvements: tuple[Improvement, ...] = ()
+    """The paths found in turn, each cheaper than the one before, with the times at which they were
+    found; the last one is that of the plan."""
 
     def __repr__(self) -> str:
         """Return the message in one line."""
@@ -84,13 +71,7 @@ class PlanningResult:
         return self.plan is not None
 
     def unwrap(self) -> Plan:
-        """Return the plan.
-
-        Raises
-        ------
-        NoPlanError
-            If there is no plan; the message says why.
-        """
+        """Return the plan; raise a `NoPlanError` that says why if there is none."""
         if self.plan is None:
             raise NoPlanError(self.message)
         return self.plan

@@ -17,36 +17,24 @@ from mlivr_gym.transitions.state import State
 
 @dataclass(slots=True, eq=False)
 class Entry:
-    """A stance with a known posture in the open queue, once expanded a node of the search tree.
-
-    Attributes
-    ----------
-    state
-        Its state, with all branches of its posture until the step to it is checked.
-    parent
-        The expanded entry before it, None at the start.
-    cost
-        Cost so far.
-    lower_bound
-        Lower bound of the cost of plans through it.
-    estimate
-        Key by which it is ordered in the search for a first plan.
-    posture
-        Its posture.
-    checked
-        Whether the step to it was checked.
-    done
-        Whether it is expanded or dropped.
-    """
+    """A stance with a known posture in the open queue, once expanded a node of the search tree."""
 
     state: State
+    """Its state, with all branches of its posture until the step to it is checked."""
     parent: Entry | None
+    """The expanded entry before it, None at the start."""
     cost: float
+    """Cost so far."""
     lower_bound: float
+    """Lower bound of the cost of plans through it."""
     estimate: float
+    """Key by which it is ordered in the search for a first plan."""
     posture: Postures
+    """Its posture."""
     checked: bool = False
+    """Whether the step to it was checked."""
     done: bool = False
+    """Whether it is expanded or dropped."""
 
     @property
     def position(self) -> Array:
@@ -71,30 +59,20 @@ class Entry:
 
 @dataclass(slots=True, eq=False)
 class Block:
-    """Neighbours of an expanded state, in order of estimate, of which only the points are known.
-
-    Attributes
-    ----------
-    parent
-        The expanded entry.
-    cost
-        Lower bound of the cost so far at each of them.
-    stances
-        Their points, shape (k, N).
-    lower_bounds
-        Lower bounds of the cost of plans through each of them and all after it, shape (k,).
-    estimates
-        Keys by which they are ordered in the search for a first plan, shape (k,).
-    version
-        Number of neighbours already taken, which identifies the state of the block.
-    """
+    """Neighbours of an expanded state, in order of estimate, of which only the points are known."""
 
     parent: Entry
+    """The expanded entry."""
     cost: float
+    """Lower bound of the cost so far at each of them."""
     stances: IntArray
+    """Their points, shape (k, N)."""
     lower_bounds: Array
+    """Lower bounds of the cost of plans through each of them and all after it, shape (k,)."""
     estimates: Array
+    """Keys by which they are ordered in the search for a first plan, shape (k,)."""
     version: int = 0
+    """Number of neighbours already taken, which identifies the state of the block."""
     stage: ClassVar[int] = 0
 
     @property

@@ -49,23 +49,9 @@ def reach_from(
     branch that its limbs may be on. A state is left out if one of the same stance with all of its
     branches was reached before.
 
-    Parameters
-    ----------
-    graph
-        The stance graph, with its obstacles and occupied points.
-    start
-        Point id (or index) of each limb, or a state.
-    most_steps
-        Maximum number of steps.
-    limit
-        Maximum number of states expanded.
-    progress
-        Called with the number of states expanded.
+    The search ends after `most_steps` steps, or `limit` states expanded; `progress` is called with
+    their number. Raises an `MlivrError` if an argument cannot be used, or the start cannot be held.
 
-    Raises
-    ------
-    MlivrError
-        If an argument cannot be used, or the start cannot be held.
 
     Examples
     --------

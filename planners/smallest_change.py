@@ -84,28 +84,11 @@ def smallest_changes(
 
     With more than two limbs, only a robot with one limb more is tried.
 
-    Parameters
-    ----------
-    graph
-        A stance graph, with its obstacles and occupied points.
-    start, goal, goal_tolerance, goal_face
-        As for `Planner.plan`; no plan exists.
-    candidates
-        The points that may be added, as a map; by default `places_on_rails` of the map.
-    limit
-        Maximum number of expansions with one limb more.
-    progress
-        Called with the number of candidates tried alone.
-
-    Returns
-    -------
-    tuple[Change, ...]
-        At most one change of each of `KINDS`; none if none of them alone is enough.
-
-    Raises
-    ------
-    MlivrError
-        If an argument cannot be used, or the start cannot be held.
+    Start and goal are those of `Planner.plan`, for which no plan exists; the candidates are by
+    default the `places_on_rails` of the map. With one limb more, at most `limit` states are
+    expanded; `progress` is called with the number of candidates tried alone. The result has at most
+    one change of each of `KINDS`, none if none of them alone is enough. Raises an `MlivrError` if
+    an argument cannot be used, or the start cannot be held.
     """
     state = graph.validated_state(start) if isinstance(start, State) else graph.state(start)
     target = Goal.from_arguments(graph, goal, "steps", None, goal_tolerance, goal_face)

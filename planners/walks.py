@@ -14,21 +14,14 @@ from mlivr_gym.transitions.state import State, moving_limb
 
 
 class Walk(NamedTuple):
-    """The walk that a method or a policy made.
-
-    Attributes
-    ----------
-    states
-        K states, the first of them the start.
-    reached
-        Whether the last state is at the goal.
-    expanded
-        Number of states expanded.
-    """
+    """The walk that a method or a policy made."""
 
     states: tuple[State, ...]
+    """K states, the first of them the start."""
     reached: bool
+    """Whether the last state is at the goal."""
     expanded: int
+    """Number of states expanded."""
 
     @property
     def actions(self) -> tuple[tuple[int, int], ...]:

@@ -75,16 +75,8 @@ class Cause(NamedTuple):
 def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Cause:
     """Find the cause why no plan leads from a state to a goal.
 
-    Parameters
-    ----------
-    graph
-        The stance graph on which a search found no plan.
-    start
-        The start state.
-    goal
-        The goal.
-    limit
-        Maximum number of expansions of each search; for two limbs the answer is exact.
+    The start state and the goal are those of a search that found no plan. Each search of more than
+    two limbs expands at most `limit` states; for two limbs the answer is exact.
     """
     smallest = _smallest_goal_distance(graph, goal)
     if smallest == np.inf:
@@ -162,14 +154,8 @@ def minimum_subset(
     fewest entries that meet all conflicts so far are tried next (implicit hitting sets:
     Moreno-Centeno and Karp, Operations Research 61, 2013).
 
-    Parameters
-    ----------
-    entries
-        The entries, which suffice together.
-    suffices
-        Whether some entries suffice; so do any that contain them.
-    most
-        Maximum number of conflicts. Beyond it the entries are those of `smallest_subset`.
+    All entries suffice together, and so do any that contain some that `suffices`. Beyond `most`
+    conflicts the entries are those of `smallest_subset`.
     """
     enough, conflicts = smallest_subset(entries, suffices), list[list[T]]()
     for size in range(len(enough)):
@@ -204,12 +190,7 @@ def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> li
     The algorithm is QuickXplain (Junker 2004), with about `2 k log2(n / k)` tests for k of n
     entries. Earlier entries are preferred to later ones.
 
-    Parameters
-    ----------
-    entries
-        The entries, which suffice together.
-    suffices
-        Whether some entries suffice; so do any that contain them.
+    All entries suffice together, and so do any that contain some that `suffices`.
     """
 
     def needed(given: list[T], is_changed: bool, others: list[T]) -> list[T]:

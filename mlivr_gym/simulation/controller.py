@@ -49,43 +49,6 @@ from mlivr_gym.simulation.parameter_set import ParameterSet
 class ControllerParameters(ParameterSet):
     """Gains and functions of the joint controller.
 
-    Attributes
-    ----------
-    kp_free
-        Position gain of each joint of a free limb [N m/rad].
-    kd_free
-        Velocity gain of each joint of a free limb [N m s/rad].
-    kp_hold
-        Position gain of each joint of a support limb [N m/rad].
-    kd_hold
-        Velocity gain of each joint of a support limb [N m s/rad].
-    period
-        Sampling period [s], rounded to a multiple of the time step.
-    feedforward
-        Whether the torques of the inverse dynamics and the deflection of the grasps are fed
-        forward, see `feedforward.feedforward`.
-    align_references
-        Whether the references are set to the encoder readings at the beginning of a step, and
-        moved to where cameras see the robot.
-    recovery
-        Time constant with which the offset of the references decays during departure and
-        swing [s].
-    guided
-        Whether a sensor on the gripper guides the approach.
-    sensor_period
-        Sampling period of that sensor [s].
-    guidance
-        Gain of the guidance: rate at which the measured error is removed [1/s].
-    patience
-        Longest time for which the gripper waits at the end of the approach until the measured
-        error is small and the gripper is at rest [s].
-    attempts
-        Largest number of approaches to a point. On all but the last the gripper must also be close
-        to the point by its own sensor before it grasps.
-    delay
-        Delay from a reading to its torque for which the gains are reduced [s]. A reading is
-        compared with the reference of its time.
-
     Examples
     --------
     >>> ControllerParameters.of("paper").kp_free
@@ -93,19 +56,39 @@ class ControllerParameters(ParameterSet):
     """
 
     kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
+    """Position gain of each joint of a free limb [N m/rad]."""
     kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
+    """Velocity gain of each joint of a free limb [N m s/rad]."""
     kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
+    """Position gain of each joint of a support limb [N m/rad]."""
     kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
+    """Velocity gain of each joint of a support limb [N m s/rad]."""
     period: float = 0.002
+    """Sampling period [s], rounded to a multiple of the time step."""
     feedforward: bool = True
+    """Whether the torques of the inverse dynamics and the deflection of the grasps are fed forward,
+    see `feedforward.feedforward`."""
     align_references: bool = True
+    """Whether the references are set to the encoder readings at the beginning of a step, and moved
+    to where cameras see the robot."""
     recovery: float = 1.0
+    """Time constant with which the offset of the references decays during departure and swing
+    [s]."""
     guided: bool = True
+    """Whether a sensor on the gripper guides the approach."""
     sensor_period: float = 0.02
+    """Sampling period of that sensor [s]."""
     guidance: float = 1.0
+    """Gain of the guidance: rate at which the measured error is removed [1/s]."""
     patience: float = 6.0
+    """Longest time for which the gripper waits at the end of the approach until the measured error
+    is small and the gripper is at rest [s]."""
     attempts: int = 2
+    """Largest number of approaches to a point. On all but the last the gripper must also be close
+    to the point by its own sensor before it grasps."""
     delay: float = 0.0
+    """Delay from a reading to its torque for which the gains are reduced [s]. A reading is compared
+    with the reference of its time."""
 
     label: ClassVar[str] = "controller"
     renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}

@@ -31,41 +31,6 @@ STANDARD_GRAVITY = 9.80665
 class DisturbanceRanges(ParameterSet):
     """Ranges from which disturbances are drawn; 0 (1 for `stiffness`) is the controller's model.
 
-    Attributes
-    ----------
-    friction
-        Upper bound of the Coulomb friction of each joint, uniform from 0 [N m].
-    damping
-        Upper bound of the viscous friction of each joint, uniform from 0 [N m s/rad].
-    encoder_bias
-        Bound of the constant error of each encoder, uniform in plus and minus this [rad].
-    encoder_noise
-        Standard deviation of each encoder reading [rad].
-    speed_noise
-        Standard deviation of each reading of a joint velocity [rad/s].
-    delay
-        Time from a reading to the torque computed from it [s].
-    acceleration
-        Magnitude of the residual acceleration, in a direction drawn for each walk [g].
-    payload
-        Upper bound of a mass at the centre of the body, uniform from 0 [kg].
-    masses
-        Relative bound of the error of mass and inertia of each body, uniform.
-    stiffness
-        Largest factor of stiffness and damping of each grasp, log-uniform from its inverse; 1 for
-        none.
-    point_position
-        Radius of the ball in which each point is displaced, uniform [m].
-    point_angle
-        Upper bound of the angle by which each point is rotated about a random axis, uniform
-        from 0 [rad].
-    sensor_position
-        Standard deviation of the gripper sensor in each position component [m].
-    sensor_angle
-        Standard deviation of the gripper sensor in each rotation component [rad].
-    refusal
-        Probability that an attempt to grasp fails although the gripper is at its point.
-
     Examples
     --------
     >>> DisturbanceRanges.of("all").payload
@@ -76,20 +41,37 @@ class DisturbanceRanges(ParameterSet):
     """
 
     friction: float = 0.0
+    """Upper bound of the Coulomb friction of each joint, uniform from 0 [N m]."""
     damping: float = 0.0
+    """Upper bound of the viscous friction of each joint, uniform from 0 [N m s/rad]."""
     encoder_bias: float = 0.0
+    """Bound of the constant error of each encoder, uniform in plus and minus this [rad]."""
     encoder_noise: float = 0.0
+    """Standard deviation of each encoder reading [rad]."""
     speed_noise: float = 0.0
+    """Standard deviation of each reading of a joint velocity [rad/s]."""
     delay: float = 0.0
+    """Time from a reading to the torque computed from it [s]."""
     acceleration: float = 0.0
+    """Magnitude of the residual acceleration, in a direction drawn for each walk [g]."""
     payload: float = 0.0
+    """Upper bound of a mass at the centre of the body, uniform from 0 [kg]."""
     masses: float = 0.0
+    """Relative bound of the error of mass and inertia of each body, uniform."""
     stiffness: float = 1.0
+    """Largest factor of stiffness and damping of each grasp, log-uniform from its inverse; 1 for
+    none."""
     point_position: float = 0.0
+    """Radius of the ball in which each point is displaced, uniform [m]."""
     point_angle: float = 0.0
+    """Upper bound of the angle by which each point is rotated about a random axis, uniform from 0
+    [rad]."""
     sensor_position: float = 0.001
+    """Standard deviation of the gripper sensor in each position component [m]."""
     sensor_angle: float = float(np.deg2rad(0.5))
+    """Standard deviation of the gripper sensor in each rotation component [rad]."""
     refusal: float = 0.0
+    """Probability that an attempt to grasp fails although the gripper is at its point."""
 
     label: ClassVar[str] = "disturbances"
     validators: ClassVar[Mapping[str, Validator[Any]]] = {
@@ -120,16 +102,7 @@ class DisturbanceRanges(ParameterSet):
         Each parameter has a random stream of its own, so its draw does not depend on the other
         ranges.
 
-        Parameters
-        ----------
-        seed
-            Seed of the draw.
-        body_count
-            Number of bodies of the robot in the MuJoCo model.
-        limbs
-            Number of limbs N.
-        points
-            Number of points of the map m.
+        The map has m `points`, the MuJoCo model of the robot `body_count` bodies.
         """
         streams = dict(
             zip(
@@ -163,45 +136,30 @@ class DisturbanceRanges(ParameterSet):
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Drawn values of the disturbances of one robot and module.
-
-    Attributes
-    ----------
-    seed
-        Seed of the draw, and of the noise of the readings.
-    ranges
-        Ranges from which it was drawn.
-    friction
-        Coulomb friction of each joint, shape (N, 6) [N m].
-    damping
-        Viscous friction of each joint, shape (N, 6) [N m s/rad].
-    encoder_bias
-        Encoder reading minus joint angle, shape (N, 6) [rad].
-    gravity
-        Residual acceleration in the world, shape (3,) [m/s^2].
-    payload
-        Mass at the centre of the body [kg].
-    masses
-        Factor of mass and inertia of each body, in the order of the robot's bodies.
-    stiffness
-        Factor of stiffness and damping of each grasp, shape (N,).
-    point_offsets
-        Displacement of each point from its position in the map, shape (m, 3) [m].
-    point_turns
-        Rotation vector of each point relative to the map, shape (m, 3) [rad].
-    """
+    """Drawn values of the disturbances of one robot and module."""
 
     seed: int
+    """Seed of the draw, and of the noise of the readings."""
     ranges: DisturbanceRanges
+    """Ranges from which it was drawn."""
     friction: Array
+    """Coulomb friction of each joint, shape (N, 6) [N m]."""
     damping: Array
+    """Viscous friction of each joint, shape (N, 6) [N m s/rad]."""
     encoder_bias: Array
+    """Encoder reading minus joint angle, shape (N, 6) [rad]."""
     gravity: Array
+    """Residual acceleration in the world, shape (3,) [m/s^2]."""
     payload: float
+    """Mass at the centre of the body [kg]."""
     masses: Array
+    """Factor of mass and inertia of each body, in the order of the robot's bodies."""
     stiffness: Array
+    """Factor of stiffness and damping of each grasp, shape (N,)."""
     point_offsets: Array
+    """Displacement of each point from its position in the map, shape (m, 3) [m]."""
     point_turns: Array
+    """Rotation vector of each point relative to the map, shape (m, 3) [rad]."""
 
     def apply(self, model: mujoco.MjModel) -> None:
         """Apply the disturbance to a model of `dynamics.dynamics_spec`.

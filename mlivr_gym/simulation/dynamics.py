@@ -39,47 +39,32 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 
 @dataclass(frozen=True)
 class Physics(ParameterSet):
-    """Parameters of the simulation, of grasps and of failures.
-
-    Attributes
-    ----------
-    timestep
-        Time step [s].
-    grasp_stiffness
-        Translational stiffness of a grasp [N/m].
-    grasp_damping
-        Translational damping of a grasp [N s/m]; nine tenths of critical for 64 kg.
-    grasp_rotational_stiffness
-        Rotational stiffness of a grasp [N m/rad].
-    grasp_rotational_damping
-        Rotational damping of a grasp [N m s/rad]; critical for 40 kg m^2, the inertia of the
-        two-limb robot about a grasp.
-    capture_distance
-        Largest distance between gripper and point at which a grasp succeeds [m].
-    capture_angle
-        Largest angle between gripper and point at which a grasp succeeds [rad].
-    hold_force
-        Force beyond which a grasp is lost [N].
-    hold_torque
-        Torque beyond which a grasp is lost [N m].
-    saturation_time
-        Time for which a joint torque may be at its limit before the joint fails [s].
-    joint_limit_tolerance
-        Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
-        controller stops there.
-    """
+    """Parameters of the simulation, of grasps and of failures."""
 
     timestep: float = 0.002
+    """Time step [s]."""
     grasp_stiffness: float = 1.0e4
+    """Translational stiffness of a grasp [N/m]."""
     grasp_damping: float = 1.5e3
+    """Translational damping of a grasp [N s/m]; nine tenths of critical for 64 kg."""
     grasp_rotational_stiffness: float = 2.0e3
+    """Rotational stiffness of a grasp [N m/rad]."""
     grasp_rotational_damping: float = 5.7e2
+    """Rotational damping of a grasp [N m s/rad]; critical for 40 kg m^2, the inertia of the
+    two-limb robot about a grasp."""
     capture_distance: float = 0.01
+    """Largest distance between gripper and point at which a grasp succeeds [m]."""
     capture_angle: float = float(np.deg2rad(2.0))
+    """Largest angle between gripper and point at which a grasp succeeds [rad]."""
     hold_force: float = 200.0
+    """Force beyond which a grasp is lost [N]."""
     hold_torque: float = 100.0
+    """Torque beyond which a grasp is lost [N m]."""
     saturation_time: float = 0.1
+    """Time for which a joint torque may be at its limit before the joint fails [s]."""
     joint_limit_tolerance: float = float(np.deg2rad(3.0))
+    """Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
+    controller stops there."""
 
     label: ClassVar[str] = "physics"
     renamed: ClassVar[Mapping[str, str]] = {"limit_margin": "joint_limit_tolerance"}
@@ -122,26 +107,8 @@ def dynamics_spec(
     sensor of the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. The sensors
     `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    physics
-        Parameters of the grasps; by default `Physics()`.
-    obstacles
-        Boxes in addition to those of the map.
-
-    Returns
-    -------
-    mujoco.MjSpec
-        The specification, from which a model is compiled.
-
-    Raises
-    ------
-    RobotError
-        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    The grasps are by default those of `Physics()`; obstacles are boxes in addition to those of the
+    map. Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
     physics = physics or Physics()
     torque_limits = robot.torque_limits

@@ -42,48 +42,32 @@ FINAL_REST = 2.0
 
 @dataclass(frozen=True)
 class Execution:
-    """An executed plan, or the part of it before a failure.
-
-    Attributes
-    ----------
-    plan
-        The plan.
-    timing
-        Limits or durations that determine the time scaling.
-    controller
-        Parameters of the joint controller.
-    physics
-        Parameters of grasps and failures.
-    disturbance
-        Difference between the simulated robot and module and the model of the controller.
-    recording
-        Measurements on a time grid.
-    peaks
-        Maxima over all time steps.
-    captures
-        The captures, one for each step that ended with a grasp.
-    failure
-        The failure that ended the execution, or None if it reached the end of the plan.
-    simulated_time
-        Time at the end of the simulation [s].
-    trajectory_computing_time
-        Computing time of the trajectories [s].
-    simulation_computing_time
-        Computing time of the simulation, compilation of the model included [s].
-    """
+    """An executed plan, or the part of it before a failure."""
 
     plan: Plan
+    """The plan."""
     timing: Limits | Durations
+    """Limits or durations that determine the time scaling."""
     controller: ControllerParameters
+    """Parameters of the joint controller."""
     physics: Physics
+    """Parameters of grasps and failures."""
     disturbance: Disturbance
+    """Difference between the simulated robot and module and the model of the controller."""
     recording: Recording
+    """Measurements on a time grid."""
     peaks: Peaks
+    """Maxima over all time steps."""
     captures: tuple[Capture, ...]
+    """The captures, one for each step that ended with a grasp."""
     failure: Failure | None
+    """The failure that ended the execution, or None if it reached the end of the plan."""
     simulated_time: float
+    """Time at the end of the simulation [s]."""
     trajectory_computing_time: float
+    """Computing time of the trajectories [s]."""
     simulation_computing_time: float
+    """Computing time of the simulation, compilation of the model included [s]."""
 
     @property
     def step_times(self) -> Array:
@@ -119,15 +103,8 @@ class Execution:
     def save(self, path: str | Path) -> None:
         """Write the recording as a NumPy archive `path`, and the summary as JSON next to it.
 
-        Parameters
-        ----------
-        path
-            Name of the archive; the summary has the same name with the suffix `.json`.
-
-        Raises
-        ------
-        FileError
-            If a file cannot be written.
+        The summary has the same name with the suffix `.json`. Raises a `FileError` if a file cannot
+        be written.
         """
         stream = io.BytesIO()
         np.savez_compressed(stream, **self.recording.arrays())  # type: ignore[arg-type]
@@ -234,12 +211,8 @@ def timed_plan(
 ) -> TimedPlan:
     """Compute the trajectories of all steps of a plan on a time grid with spacing `period` [s].
 
-    Raises
-    ------
-    PlanError
-        If the plan has no step, or a step cannot be followed inside the joint limits.
-    TimingError
-        If durations violate a limit.
+    Raises a `PlanError` if the plan has no step, or a step cannot be followed inside the joint
+    limits, and a `TimingError` if durations violate a limit.
     """
     if not plan.steps:
         raise PlanError("the plan has no step: it starts at its goal")

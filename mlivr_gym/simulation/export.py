@@ -41,30 +41,11 @@ def exported_model(
     are held), the sensors, the keyframe `START` for `mj_resetDataKeyframe`, and the camera
     `CAMERA`. Names are those of `dynamics.dynamics_spec`.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    configuration
-        Base position [m], base quaternion w, x, y, z, and joint angles (N, 6) [rad].
-    points
-        Index or id of the point that each limb holds.
-    obstacles
-        Boxes in addition to those of the map.
+    The configuration is base position [m], base quaternion w, x, y, z, and joint angles (N, 6)
+    [rad]; `points` has index or id of the point that each limb holds; obstacles are boxes in
+    addition to those of the map. Raises a `RobotError` if the robot's masses are not known, see
+    `RobotSpec.limb_dynamics`, and a `SimulationError` if a gripper is not at its point.
 
-    Returns
-    -------
-    str
-        The model as XML.
-
-    Raises
-    ------
-    RobotError
-        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
-    SimulationError
-        If a gripper is not at its point in this configuration.
 
     Examples
     --------

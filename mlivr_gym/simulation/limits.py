@@ -18,28 +18,6 @@ PROFILES = ("fastest", "quintic")
 class Limits(ParameterSet):
     """Limits of the robot and of the grasps during a step.
 
-    Attributes
-    ----------
-    torque
-        Fraction of each joint's torque limit that may be used.
-    speed
-        Fraction of each joint's velocity limit that may be used.
-    grasp_force
-        Largest force on a grasp [N].
-    grasp_torque
-        Largest torque on a grasp [N m].
-    surface_speed
-        Largest speed of a gripper during departure and approach [m/s].
-    rise_time
-        Time in which the acceleration along the path may rise from zero to its maximum and
-        fall again [s]; it bounds the jerk. It applies to the profile `"fastest"`.
-    profile
-        One of `PROFILES`: `"fastest"` follows the limits along each path segment
-        (time-optimal path parameterisation), `"quintic"` is the shortest quintic within them.
-    step_duration
-        Duration of every step [s], to which all segments are slowed down by the same factor;
-        None for the shortest.
-
     Examples
     --------
     >>> Limits.of("gentle").grasp_force
@@ -47,13 +25,24 @@ class Limits(ParameterSet):
     """
 
     torque: float = 0.8
+    """Fraction of each joint's torque limit that may be used."""
     speed: float = 0.8
+    """Fraction of each joint's velocity limit that may be used."""
     grasp_force: float = 60.0
+    """Largest force on a grasp [N]."""
     grasp_torque: float = 30.0
+    """Largest torque on a grasp [N m]."""
     surface_speed: float = 0.2
+    """Largest speed of a gripper during departure and approach [m/s]."""
     rise_time: float = 0.2
+    """Time in which the acceleration along the path may rise from zero to its maximum and fall
+    again [s]; it bounds the jerk. It applies to the profile `"fastest"`."""
     profile: str = "fastest"
+    """One of `PROFILES`: `"fastest"` follows the limits along each path segment (time-optimal path
+    parameterisation), `"quintic"` is the shortest quintic within them."""
     step_duration: float | None = None
+    """Duration of every step [s], to which all segments are slowed down by the same factor; None
+    for the shortest."""
 
     label: ClassVar[str] = "limits"
     validators: ClassVar[Mapping[str, Validator[Any]]] = {

@@ -32,33 +32,22 @@ FAILURES = (
 
 @dataclass(frozen=True)
 class Failure:
-    """The failure that ended an execution.
-
-    Attributes
-    ----------
-    kind
-        Kind of failure, one of `FAILURES`.
-    time
-        Time of the failure [s].
-    step
-        Index of the step.
-    phase
-        Name of the phase, one of `regrasp.PHASES`.
-    limb
-        Index of the limb concerned, -1 if none is.
-    message
-        The failure in one sentence with its numbers.
-    values
-        Measured and allowed values by name, with units in the names.
-    """
+    """The failure that ended an execution."""
 
     kind: str
+    """Kind of failure, one of `FAILURES`."""
     time: float
+    """Time of the failure [s]."""
     step: int
+    """Index of the step."""
     phase: str
+    """Name of the phase, one of `regrasp.PHASES`."""
     limb: int
+    """Index of the limb concerned, -1 if none is."""
     message: str
+    """The failure in one sentence with its numbers."""
     values: dict[str, float]
+    """Measured and allowed values by name, with units in the names."""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the failure as plain data for JSON."""
@@ -67,93 +56,62 @@ class Failure:
 
 @dataclass(frozen=True)
 class Capture:
-    """The capture of a point by a limb: a grasp that was established in simulation.
-
-    Attributes
-    ----------
-    time
-        Time of the capture [s].
-    step
-        Index of the step.
-    limb
-        Index of the limb.
-    point
-        Id of the point.
-    distance
-        Distance between gripper and point just before [m].
-    angle
-        Angle between gripper and grasp just before, modulo half turns about the normal [rad].
-    attempts
-        Number of approaches.
-    """
+    """The capture of a point by a limb: a grasp that was established in simulation."""
 
     time: float
+    """Time of the capture [s]."""
     step: int
+    """Index of the step."""
     limb: int
+    """Index of the limb."""
     point: str
+    """Id of the point."""
     distance: float
+    """Distance between gripper and point just before [m]."""
     angle: float
+    """Angle between gripper and grasp just before, modulo half turns about the normal [rad]."""
     attempts: int = 1
+    """Number of approaches."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """Measurements of a simulation at k times.
-
-    Attributes
-    ----------
-    times
-        Times since the reset of the simulation, shape (k,) [s].
-    step
-        Index of the step, shape (k,).
-    phase
-        Index into `regrasp.PHASES`, shape (k,).
-    joint_positions
-        Joint angles, shape (k, N, 6) [rad].
-    joint_torques
-        Motor torques, shape (k, N, 6) [N m].
-    base_positions
-        Base positions in the world, shape (k, 3) [m].
-    base_quaternions
-        Base orientations in the world w, x, y, z, shape (k, 4).
-    base_errors
-        Distance of the base from its planned position, shape (k,) [m].
-    base_angle_errors
-        Angle of the base from its planned orientation, shape (k,) [rad].
-    grasp_forces
-        Force of each grasp on its gripper, in the axes of the anchor (`dynamics`), shape (k, N, 3)
-        [N]; 0 while the limb holds nothing.
-    grasp_torques
-        Torque of each grasp on its gripper, in the same axes, shape (k, N, 3) [N m].
-    module_forces
-        Force of all grasps together on the module, in the world, shape (k, 3) [N].
-    module_torques
-        Torque of all grasps together on the module about the origin of the world, shape (k, 3)
-        [N m].
-    momenta
-        Linear momentum of the robot, shape (k, 3) [kg m/s].
-    angular_momenta
-        Angular momentum about the centre of mass, shape (k, 3) [kg m^2/s].
-    contacts
-        Number of contacts of the robot, of which a grasp is none, shape (k,).
-    """
+    """Measurements of a simulation at k times."""
 
     times: Array
+    """Times since the reset of the simulation, shape (k,) [s]."""
     step: IntArray
+    """Index of the step, shape (k,)."""
     phase: IntArray
+    """Index into `regrasp.PHASES`, shape (k,)."""
     joint_positions: Array
+    """Joint angles, shape (k, N, 6) [rad]."""
     joint_torques: Array
+    """Motor torques, shape (k, N, 6) [N m]."""
     base_positions: Array
+    """Base positions in the world, shape (k, 3) [m]."""
     base_quaternions: Array
+    """Base orientations in the world w, x, y, z, shape (k, 4)."""
     base_errors: Array
+    """Distance of the base from its planned position, shape (k,) [m]."""
     base_angle_errors: Array
+    """Angle of the base from its planned orientation, shape (k,) [rad]."""
     grasp_forces: Array
+    """Force of each grasp on its gripper, in the axes of the anchor (`dynamics`), shape (k, N, 3)
+    [N]; 0 while the limb holds nothing."""
     grasp_torques: Array
+    """Torque of each grasp on its gripper, in the same axes, shape (k, N, 3) [N m]."""
     module_forces: Array
+    """Force of all grasps together on the module, in the world, shape (k, 3) [N]."""
     module_torques: Array
+    """Torque of all grasps together on the module about the origin of the world, shape (k, 3)
+    [N m]."""
     momenta: Array
+    """Linear momentum of the robot, shape (k, 3) [kg m/s]."""
     angular_momenta: Array
+    """Angular momentum about the centre of mass, shape (k, 3) [kg m^2/s]."""
     contacts: IntArray
+    """Number of contacts of the robot, of which a grasp is none, shape (k,)."""
 
     @property
     def torque_rms(self) -> Array:
@@ -182,33 +140,22 @@ class Recording:
 
 @dataclass(frozen=True)
 class Peaks:
-    """Maxima over all time steps, including those between the samples of a recording.
-
-    Attributes
-    ----------
-    joint_torque
-        Torque of each joint, shape (N, 6) [N m].
-    torque_rms
-        Root mean square over all joint torques [N m].
-    grasp_force
-        Force of each grasp, shape (N,) [N].
-    grasp_torque
-        Torque of each grasp, shape (N,) [N m].
-    base_error
-        Distance between the base and its trajectory [m].
-    base_angle_error
-        Angle between the base and its trajectory [rad].
-    joint_speed
-        Velocity of any joint [rad/s].
-    """
+    """Maxima over all time steps, including those between the samples of a recording."""
 
     joint_torque: Array
+    """Torque of each joint, shape (N, 6) [N m]."""
     torque_rms: float
+    """Root mean square over all joint torques [N m]."""
     grasp_force: Array
+    """Force of each grasp, shape (N,) [N]."""
     grasp_torque: Array
+    """Torque of each grasp, shape (N,) [N m]."""
     base_error: float
+    """Distance between the base and its trajectory [m]."""
     base_angle_error: float
+    """Angle between the base and its trajectory [rad]."""
     joint_speed: float
+    """Velocity of any joint [rad/s]."""
 
     @classmethod
     def of(cls, recording: Recording, speeds: Array) -> Peaks:

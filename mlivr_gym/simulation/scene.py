@@ -51,24 +51,8 @@ def scene_spec(
     `"limb{i}/joint{k}"`, its flange frame is the site `"limb{i}/flange"`, its grasp frame the site
     `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
 
-    Parameters
-    ----------
-    grasp_map
-        The map.
-    robot
-        The robot.
-    obstacles
-        Boxes in addition to those of the map.
-
-    Returns
-    -------
-    mujoco.MjSpec
-        The specification, from which a model is compiled.
-
-    Raises
-    ------
-    ShapeError
-        If two boxes have the same id.
+    Obstacles are boxes in addition to those of the map. Raises a `ShapeError` if two boxes have the
+    same id.
     """
     boxes = (*grasp_map.boxes, *obstacles)
     check_unique([box.id for box in boxes], "box", ShapeError)
@@ -119,10 +103,7 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Compile the model of a scene.
 
-    Raises
-    ------
-    SceneError
-        If MuJoCo refuses the scene; the message has its reason.
+    Raises a `SceneError` if MuJoCo refuses the scene; the message has its reason.
     """
     try:
         return spec.compile()
@@ -137,18 +118,9 @@ def set_configuration(
 ) -> None:
     """Put the robot into a configuration and update the scene.
 
-    Parameters
-    ----------
-    model
-        A model compiled from a specification without joints other than those of `robot_alone`.
-    data
-        The MuJoCo data of the model.
-    position
-        Base position in the world, shape (3,) [m].
-    quaternion
-        Base orientation in the world w, x, y, z, shape (4,).
-    joints
-        Joint angles, shape (N, 6) [rad].
+    The base position in the world has shape (3,) [m], its quaternion w, x, y, z shape (4,), and the
+    joint angles shape (N, 6) [rad]. The specification of the model may have no joints other than
+    those of `robot_alone`.
     """
     data.qpos[:3], data.qpos[3:7], data.qpos[7:] = position, quaternion, np.ravel(joints)
     mujoco.mj_forward(model, data)

@@ -26,17 +26,6 @@ from mlivr_gym.world.grasp_map import GraspMap
 class Setup:
     """Everything except the plan that determines how a plan is executed in simulation.
 
-    Attributes
-    ----------
-    timing
-        `Limits` for a time-optimal execution, or fixed `Durations`.
-    controller
-        Parameters of the joint controller.
-    physics
-        Parameters of grasps and failures.
-    disturbances
-        Ranges of the disturbances.
-
     Examples
     --------
     >>> setup = Setup.of("gentle", "feedforward", disturbances="all")
@@ -45,9 +34,13 @@ class Setup:
     """
 
     timing: Limits | Durations = field(default_factory=Limits)
+    """`Limits` for a time-optimal execution, or fixed `Durations`."""
     controller: ControllerParameters = field(default_factory=ControllerParameters)
+    """Parameters of the joint controller."""
     physics: Physics = field(default_factory=Physics)
+    """Parameters of grasps and failures."""
     disturbances: DisturbanceRanges = field(default_factory=DisturbanceRanges)
+    """Ranges of the disturbances."""
 
     def __post_init__(self) -> None:
         """Check the type of each part."""
@@ -63,21 +56,9 @@ class Setup:
     ) -> Setup:
         """Return a setup from instances, plain data or names; None stands for the defaults.
 
-        Parameters
-        ----------
-        limits
-            `Limits`, their fields, or a name in `limits.PACES`.
-        controller
-            A `ControllerParameters`, its fields, or a name in `controller.CONTROLLERS`.
-        physics
-            `Physics`, their fields, or a name in `dynamics.PHYSICS`.
-        disturbances
-            `DisturbanceRanges`, their fields, or a name in `disturbances.DISTURBANCES`.
-
-        Raises
-        ------
-        SettingError
-            If a part is invalid; the message names it.
+        A part is given as an instance, by its fields, or by a name: in `limits.PACES`,
+        `controller.CONTROLLERS`, `dynamics.PHYSICS` and `disturbances.DISTURBANCES`. Raises a
+        `SettingError` if a part is invalid; the message names it.
         """
         return cls(
             Limits.of(limits),
@@ -92,21 +73,8 @@ class Setup:
     ) -> Simulation:
         """Return a simulation with a disturbance that is drawn from a seed.
 
-        Parameters
-        ----------
-        grasp_map
-            The map.
-        robot
-            The robot.
-        obstacles
-            Boxes in addition to those of the map.
-        seed
-            Seed of the disturbance.
-
-        Raises
-        ------
-        RobotError
-            If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        Obstacles are boxes in addition to those of the map. Raises a `RobotError` if the robot's
+        masses are not known, see `RobotSpec.limb_dynamics`.
         """
         parts = robot_model(robot).nbody - 1
         drawn = self.disturbances.draw(seed, parts, robot.limbs, len(grasp_map))

@@ -49,43 +49,30 @@ def limits(frequencies: Array) -> Array:
 
 @dataclass(frozen=True)
 class StationLoad:
-    """The load of a walk on a station.
-
-    Attributes
-    ----------
-    times
-        Times, shape (k,) [s].
-    forces
-        Force on the module in the world, shape (k, 3) [N].
-    torques
-        Torque on the module about the origin of the module frame, shape (k, 3) [N m].
-    peak_forces
-        Largest force during each step, shape (s,) [N].
-    peak_torques
-        Largest torque during each step, shape (s,) [N m].
-    impulses
-        Largest impulse since the begin of each step, shape (s,) [N s]. Over a whole step, from rest
-        to rest, it is close to 0.
-    angular_impulses
-        Largest angular impulse since the begin of each step, shape (s,) [N m s]; also close to 0
-        over a whole step.
-    frequencies
-        Middles of the one-third octave bands, shape (b,) [Hz].
-    accelerations
-        Root mean square of the acceleration in each band, of all axes together, shape (b,) [g];
-        the largest over windows of `WINDOW`. In shorter walks the station is at rest for the
-        remainder of the window.
-    """
+    """The load of a walk on a station."""
 
     times: Array
+    """Times, shape (k,) [s]."""
     forces: Array
+    """Force on the module in the world, shape (k, 3) [N]."""
     torques: Array
+    """Torque on the module about the origin of the module frame, shape (k, 3) [N m]."""
     peak_forces: Array
+    """Largest force during each step, shape (s,) [N]."""
     peak_torques: Array
+    """Largest torque during each step, shape (s,) [N m]."""
     impulses: Array
+    """Largest impulse since the begin of each step, shape (s,) [N s]. Over a whole step, from rest
+    to rest, it is close to 0."""
     angular_impulses: Array
+    """Largest angular impulse since the begin of each step, shape (s,) [N m s]; also close to 0
+    over a whole step."""
     frequencies: Array
+    """Middles of the one-third octave bands, shape (b,) [Hz]."""
     accelerations: Array
+    """Root mean square of the acceleration in each band, of all axes together, shape (b,) [g]; the
+    largest over windows of `WINDOW`. In shorter walks the station is at rest for the remainder of
+    the window."""
 
     @property
     def largest_ratio(self) -> float:
@@ -109,17 +96,8 @@ class StationLoad:
 def station_load(recording: Recording, mass: float = STATION_MASS) -> StationLoad:
     """Return the load of a simulated walk on the station in which it takes place.
 
-    Parameters
-    ----------
-    recording
-        The measurements of the simulation.
-    mass
-        Mass of the station [kg].
+    The mass is that of the station [kg].
 
-    Returns
-    -------
-    StationLoad
-        The load.
 
     Examples
     --------
@@ -150,14 +128,8 @@ def third_octaves(signal: Array, period: float) -> tuple[Array, Array]:
     """Return the middles of one-third octave bands [Hz] and the root mean square in each.
 
     Bands from `LOWEST_FREQUENCY` up to the highest frequency that the samples resolve are at ratios
-    of the tenth root of 10 (IEC 61260-1).
-
-    Parameters
-    ----------
-    signal
-        Samples, shape (k, 3).
-    period
-        Time between samples [s].
+    of the tenth root of 10 (IEC 61260-1). The samples have shape (k, 3), and `period` is the time
+    between them [s].
     """
     count = max(round(WINDOW / period), 2)
     starts = range(0, max(len(signal) - count, 0) + count // 2, max(count // 2, 1))

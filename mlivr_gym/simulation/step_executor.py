@@ -147,13 +147,8 @@ class StepExecutor:
     ) -> PreparedStep | Failure:
         """Return a step from the present state that can be taken, or the failure `"no swing"`.
 
-        Parameters
-        ----------
-        limb, point, branch_sets
-            Those of `step`.
-        before
-            State with one branch for each limb, and joint angles (N, 6) [rad], from which the step
-            begins in place of the present ones. The plan that is followed is then left aside.
+        `before` is a state with one branch for each limb, and joint angles (N, 6) [rad], from which
+        the step begins in place of the present ones. The plan that is followed is then left aside.
         """
         state, joints = before or (self.state, self.joints)
         after = state.stance_after(limb, point)

@@ -35,20 +35,9 @@ ROUNDING = 1e-6
 def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
     """Return a step with a time scaling for each of its path segments.
 
-    Parameters
-    ----------
-    path
-        The path of the step.
-    timing
-        `Limits`, by default `Limits()`, or `Durations`.
-
-    Raises
-    ------
-    TimingError
-        If durations violate the default limits, or `Limits.step_duration` is shorter than the
-        limits allow.
-    PlanError
-        If a support limb cannot follow the base.
+    The timing is by default `Limits()`. Raises a `TimingError` if durations violate the default
+    limits, or `Limits.step_duration` is shorter than the limits allow, and a `PlanError` if a
+    support limb cannot follow the base.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
     segments = path_segments(path)
@@ -110,25 +99,9 @@ def step_trajectory(
 ) -> Trajectory:
     """Compute the trajectory of one step of a plan.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map.
-    plan
-        The plan.
-    index
-        Index of the step, from 0.
-    timing
-        `Limits`, by default `Limits()`, or `Durations`.
-    period
-        Spacing of the time grid [s].
-
-    Raises
-    ------
-    PlanError
-        If the plan has no such step, or it cannot be followed inside the joint limits.
-    TimingError
-        If durations violate a limit.
+    The timing is by default `Limits()`, `period` the spacing of the time grid [s], and steps count
+    from 0. Raises a `PlanError` if the plan has no such step, or it cannot be followed inside the
+    joint limits, and a `TimingError` if durations violate a limit.
     """
     path = RegraspPath(graph, planned_regrasp(graph, plan, index))
     return trajectory(timed_path(path, timing), period)
@@ -143,23 +116,10 @@ def plan_trajectory(
 ) -> Trajectory:
     """Compute the trajectory of a whole plan.
 
-    Parameters
-    ----------
-    graph
-        The stance graph of the plan's robot and map.
-    plan
-        The plan, with at least one step.
-    timing
-        `Limits`, by default `Limits()`, or `Durations`.
-    period
-        Spacing of the time grid [s].
+    The timing is by default `Limits()`, and `period` the spacing of the time grid [s]. Raises a
+    `PlanError` if the plan has no step, or a step cannot be followed inside the joint limits, and a
+    `TimingError` if durations violate a limit.
 
-    Raises
-    ------
-    PlanError
-        If the plan has no step, or a step cannot be followed inside the joint limits.
-    TimingError
-        If durations violate a limit.
 
     Examples
     --------

@@ -112,36 +112,26 @@ class RunBlock(NamedTuple):
 
 @dataclass(frozen=True)
 class StudyDesign:
-    """The runs of a study.
-
-    Attributes
-    ----------
-    kind
-        What a run does: `"plan"` a task, `"simulate"` the plan of a task in MuJoCo, `"evaluate"` a
-        policy on an episode, or `"build"` the table of a robot on a map. `"module:function"` calls
-        a function with the number of the task and the level of each factor by its name; it returns
-        the columns of a row.
-    factors
-        Levels of each factor that the study varies or sets; others have their default level.
-    tasks
-        Number of random tasks for each combination of levels; 1 for `"build"`.
-    seed
-        Seed of the tasks.
-    """
+    """The runs of a study."""
 
     kind: str
+    """What a run does: `"plan"` a task, `"simulate"` the plan of a task in MuJoCo, `"evaluate"` a
+    policy on an episode, or `"build"` the table of a robot on a map. `"module:function"` calls a
+    function with the number of the task and the level of each factor by its name; it returns the
+    columns of a row."""
     factors: Mapping[str, tuple[Any, ...]]
+    """Levels of each factor that the study varies or sets; others have their default level."""
     tasks: int = 20
+    """Number of random tasks for each combination of levels; 1 for `"build"`."""
     seed: int = 0
+    """Seed of the tasks."""
 
     @classmethod
     def from_data(cls, data: object) -> StudyDesign:
         """Return the design that plain data describe, as a TOML file holds them.
 
-        Raises
-        ------
-        MlivrError
-            If a field is faulty; the message names it, its value and what would be valid.
+        Raises an `MlivrError` if a field is faulty; the message names it, its value and what would
+        be valid.
         """
         place = FieldPath("", SettingError)
         sizes = {"tasks": Integer(1, 10**6), "seed": Integer(0, 2**31)}
@@ -161,10 +151,7 @@ class StudyDesign:
     def from_file(cls, path: str | Path) -> StudyDesign:
         """Return the design that a TOML file describes.
 
-        Raises
-        ------
-        MlivrError
-            If the file cannot be read, or a field is faulty.
+        Raises an `MlivrError` if the file cannot be read, or a field is faulty.
         """
         try:
             data = tomllib.loads(Path(path).read_text("utf-8"))

@@ -97,10 +97,7 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
 def function_run(kind: str, levels: dict[str, Any]) -> Callable[[int], Row]:
     """Return the function of a user with the levels as its arguments.
 
-    Raises
-    ------
-    SettingError
-        If the module or the function cannot be found.
+    Raises a `SettingError` if the module or the function cannot be found.
     """
     try:
         function = resolve_name(kind)

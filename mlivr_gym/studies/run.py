@@ -200,10 +200,7 @@ def read_study(folder: str | Path) -> list[Row]:
 
     Other programs read `study.parquet` with Arrow, pandas, Polars or DuckDB.
 
-    Raises
-    ------
-    FileError
-        If the folder holds no finished study, or its file cannot be read.
+    Raises a `FileError` if the folder holds no finished study, or its file cannot be read.
     """
     require("pyarrow", extra="study")
     path = Path(folder) / RESULT
