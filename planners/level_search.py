@@ -4,8 +4,10 @@ As in LazySP (Dellin and Srinivasa 2016) a path of fewest steps is found as if e
 were possible, its unchecked steps are checked, and so on until a path has none: it is optimal.
 Where steps of a path fail, some others of the smallest cut are checked as well, a cut being the
 steps after which as many remain. If all of them fail, every plan has more steps. So steps are
-checked where the module is hard to pass, and along few paths elsewhere. `docs/mathematics.md` has
-the proof.
+checked where the module is hard to pass, and along few paths elsewhere. Whenever the fewest steps
+rise, the search is repeated with start and goal exchanged: stances for which the sum of the steps
+from the start and to the goal exceeds them are on no path as short, and are left out until they
+rise again. `docs/mathematics.md` has the proof.
 """
 
 from __future__ import annotations
@@ -25,8 +27,12 @@ from mlivr_gym.stances.two_limb_steps import TwoLimbTable, edge_indices
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State
 
-ALTERNATIVES = 48
-"""Maximum number of steps of a cut that are checked at once."""
+LEAST_ALTERNATIVES = 48
+"""Maximum number of steps of a cut that are checked at once, if few stances are left."""
+
+STANCES_PER_ALTERNATIVE = 256
+"""Number of stances left for each of them, if many are: on a large map it takes longer to search
+again than to check more steps."""
 
 
 class LevelSearch(PathSearch):
@@ -42,6 +48,8 @@ class LevelSearch(PathSearch):
         if graph.steps.releases["known"].any():
             self._levels.is_checked[...] = _with_known_steps(graph.steps)
         self._explored: list[IntArray] = []
+        self._fewest, self._too_far = -1, np.zeros_like(is_goal)
+        self._from_start: IntArray = np.zeros(len(is_goal), dtype=np.int64)
         self._set_origins()
 
     @staticmethod
@@ -111,10 +119,51 @@ class LevelSearch(PathSearch):
         """Return the fewest steps from an origin to the goal, -1 if none lead there."""
         if self._origin_at_goal >= 0:
             return 0
+        steps = self._steps_to_goal()
+        if 0 <= steps == self._fewest:
+            self._too_far |= self._levels_of_stances(steps) + self._from_start > steps
+            return steps
+        if self._too_far.any():
+            self._too_far[...] = False
+            steps = self._steps_to_goal()
+        self._fewest = steps
+        if steps < 0:
+            return -1
+        to_goal = self._levels_of_stances(steps)
+        self._from_start = self._steps_from_start()
+        self._too_far = to_goal + self._from_start > steps
+        return self._steps_to_goal()
+
+    def _steps_to_goal(self) -> int:
+        """Return the fewest steps through stances that are not too far, -1 if none lead there."""
         self._update()
+        self._levels.releasable[self._too_far] = 0
         found = compute_remaining(self._goals, self.graph.steps, self._origins, self._levels)
         self.backward_expanded += int((self._levels.reached[ARRIVAL] > 0).any(axis=1).sum())
         return int(found)
+
+    def _steps_from_start(self) -> IntArray:
+        """Return lower bounds of the steps from the origins to each stance, shape (n,).
+
+        A step keeps the same branches in both directions, so they are found by the same search.
+        """
+        table, is_origin = self.graph.steps, np.zeros_like(self._levels.is_goal)
+        is_origin[self._origins.nodes] = True
+        can_move = self._levels.releasable[self._goals] != 0
+        supports = np.where(can_move[:, ::-1], table.branch_sets[self._goals], 0)
+        steps = compute_remaining(
+            np.flatnonzero(is_origin), table, Origins(self._goals, supports),
+            self._levels._replace(is_goal=is_origin),
+        )  # fmt: skip
+        return self._levels_of_stances(int(steps))
+
+    def _levels_of_stances(self, last: int) -> IntArray:
+        """Return the first level on which each stance was reached, else the one after the last."""
+        log, level = self._levels.log, np.full(len(self._too_far), last + 1)
+        start = log.start[: last + 2]
+        each = np.repeat(np.arange(last + 1), np.diff(start))
+        level[log.stances[: start[-1]][::-1]] = each[::-1]
+        return level
 
     def _alternatives(self, failed: BoolArray) -> IntArray:
         """Return some of the smallest cut of those in which steps of a path failed, shape (k, 3).
@@ -128,7 +177,9 @@ class LevelSearch(PathSearch):
         smallest = np.where(cuts.size, cuts.size, LARGEST_CUT + 1).argmin()
         steps = cuts.steps[smallest, : cuts.size[smallest]]
         moved = np.linalg.norm(position[steps[:, 1]] - position[steps[:, 2]], axis=1)
-        return np.asarray(steps[np.lexsort((moved, steps[:, 3]))[:ALTERNATIVES], :3])
+        count = np.count_nonzero(~self._too_far) // STANCES_PER_ALTERNATIVE
+        first = np.lexsort((moved, steps[:, 3]))[: max(count, LEAST_ALTERNATIVES)]
+        return np.asarray(steps[first, :3])
 
     def _state_path(self, path: IntArray) -> StatePath:
         """Return the states of a path whose steps and releases are known."""
