@@ -91,17 +91,6 @@ def test_the_checkpoint_to_start_from_is_no_output(tmp_path):
         check_outputs(tmp_path / "policy.json", inputs=inputs)
 
 
-def test_the_plan_in_the_folder_of_the_results_stays(run, tmp_path, plan_file):
-    folder = tmp_path / "walk"
-    folder.mkdir()
-    own = folder / "plan.json"
-    own.write_bytes(plan_file.read_bytes())
-    code, _, err = run("simulate", "--plan", str(own), "--out", str(folder), "--no-film", "--quiet")
-    assert code == 0, err
-    assert own.read_bytes() == plan_file.read_bytes()
-    assert {"plan.json", "simulation.json"} <= files(folder)
-
-
 def test_a_simulation_that_is_refused_leaves_nothing(run, tmp_path, plan_file, monkeypatch):
     def fail(*_, **__):
         raise PlanError("a step cannot be followed")

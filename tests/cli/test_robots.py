@@ -54,7 +54,7 @@ def test_packages_are_found_in_the_folders_that_are_named(tmp_path):
     assert robot == RobotSpec.from_urdf(path, package_dirs=[elsewhere.parent])
 
 
-def test_joints_that_have_failed_are_those_of_with_failed_joint(run):
+def test_joints_that_have_failed_are_those_of_with_failed_joint(run, ladder_file):
     words = ["--robot", "mlivr2-iiwa", "--failed-joint", "0", "2", "-1.5"]
     words += ["--failed-joint", "1", "5", "0.25"]
     robot = robot_spec("mlivr2-iiwa").with_failed_joint(0, 2, -1.5).with_failed_joint(1, 5, 0.25)
@@ -62,6 +62,6 @@ def test_joints_that_have_failed_are_those_of_with_failed_joint(run):
     args = parsed(*words)
     assert RobotSpec.from_dict(environment_arguments(args)["robot"]) == robot
     given = "--robot mlivr2-iiwa --failed-joint 0 3 0.8 --limb-threshold 0.05 --no-collisions"
-    code, out, _ = run(f"info --json {given}")
+    code, out, _ = run(f"info --json --map {ladder_file} {given}")
     assert code == 0
     assert json.loads(out)["robot"]["name"] == "mlivr2-iiwa-limb0-joint3"

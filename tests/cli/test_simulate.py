@@ -41,18 +41,21 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     assert not gif.exists() or gif.read_bytes().startswith(b"GIF8")
     with pytest.raises(RenderError, match="valid endings"):
         check_film_format(tmp_path / "walk.avi")
-    plan = str(tmp_path / "walk" / "plan.json")
+    plan = tmp_path / "walk" / "plan.json"
     code, _, err = run(f"simulate --plan {plan} --duration 3 --no-film --out {tmp_path / 'fast'}")
     assert code == 2
     assert "a step of 3 s breaks the limit " in err
     assert "the shortest duration that keeps all limits is " in err
     assert not (tmp_path / "fast").exists()
+    own = plan.read_text() + "\n"  # the plan of the folder of the results stays as it is
+    plan.write_text(own)
     code, out, _ = run(
         f"simulate --plan {plan} --pace paper --controller paper --disturbances all --no-film "
-        f"--out {tmp_path / 'far'}"
+        f"--out {tmp_path / 'walk'}"
     )
     assert code == 1
+    assert plan.read_text() == own
     assert "failed at" in out
-    failure = json.loads((tmp_path / "far" / "simulation.json").read_text())["failure"]
+    failure = json.loads((tmp_path / "walk" / "simulation.json").read_text())["failure"]
     assert failure["message"] in out
     assert failure["phase"] in ("departure", "swing", "approach")
