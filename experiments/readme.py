@@ -34,7 +34,6 @@ import robots
 import simulation_figures
 import ssik_arms
 import station_places
-import ur_speed
 from reports import NOTHING, ROOT, table
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
@@ -207,7 +206,6 @@ def parts(results: Path) -> dict[str, str]:
         "point_clouds": point_clouds.markdown(data("point_clouds")),
         "public_arms": public_arms.markdown(data("public_arms")),
         "ssik_arms": ssik_arms.markdown(data("ssik_arms")),
-        "ur_speed": ur_speed.markdown(data("ur_speed")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),
         "place_sizes": places.markdown(data("places")),
