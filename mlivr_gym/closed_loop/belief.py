@@ -362,9 +362,22 @@ class Belief:
         They may contain other cubes that are there. Their ids count from a number. A caution, by
         default the present one, decides how large they are.
         """
-        margin, _, is_denoised = caution or self.caution
+        caution = caution or self.caution
         if not chosen.any():
             return ()
+        if not caution.is_merged:
+            cubes, begins = np.flatnonzero(chosen), np.arange(np.sum(chosen))
+        else:
+            cubes, begins = self._merged(chosen, there)
+        extent = np.maximum.reduceat(self._cubes["extent"][cubes], begins)
+        below, high = extent.swapaxes(0, 1)
+        count = np.add.reduceat(self._cubes["count"][cubes], begins)
+        excess = caution.is_denoised * self._noise * _outermost(count)[:, None]
+        inwards = np.minimum(excess, 0.5 * (high + below)) - caution.margin
+        return Box.each_between(f"{SENSED}/", "obstacle", inwards - below, high - inwards, number)
+
+    def _merged(self, chosen: BoolArray, there: BoolArray) -> tuple[IntArray, IntArray]:
+        """Return the cubes in boxes of chosen cubes, and where those of each box begin."""
         cells = self._cubes["cell"]
         corner, end = cells[chosen].min(axis=0), cells[chosen].max(axis=0) + 1
         inside = np.flatnonzero(there & ((cells >= corner) & (cells < end)).all(axis=1))
@@ -376,13 +389,7 @@ class Belief:
         for first, last in merged_cells(is_chosen, row >= 0):
             where = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
             parts.append(row[where].ravel())
-        cubes, begins = np.concatenate(parts), np.cumsum([0, *map(len, parts[:-1])])
-        extent = np.maximum.reduceat(self._cubes["extent"][cubes], begins)
-        below, high = extent.swapaxes(0, 1)
-        count = np.add.reduceat(self._cubes["count"][cubes], begins)
-        excess = is_denoised * self._noise * _outermost(count)[:, None]
-        inwards = np.minimum(excess, 0.5 * (high + below)) - margin
-        return Box.each_between(f"{SENSED}/", "obstacle", inwards - below, high - inwards, number)
+        return np.concatenate(parts), np.cumsum([0, *map(len, parts[:-1])])
 
 
 def _outermost(count: IntArray) -> Array:
