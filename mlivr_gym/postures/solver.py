@@ -20,7 +20,8 @@ sign of the rail direction matter. With collisions checked, it applies to what t
 
 Except for the surroundings, the result depends only on the relative geometry of the grasps. It is
 computed in the frame of the first grasp from rounded coordinates, see `geometries`, once for each
-geometry. Where that posture touches the surroundings, the candidates are evaluated again in place.
+geometry. Where that posture touches the surroundings, the candidates are evaluated again in place,
+of many stances once for those that have the same boxes around them.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ from mlivr_gym.collisions.queries import (
 )
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.postures.alike_points import classes_of_points
 from mlivr_gym.postures.candidate_poses import (
     Candidates,
     bases_of_ordered,
@@ -72,6 +74,9 @@ from mlivr_gym.postures.selection import solve_postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
+
+LEAST_ALIKE = 10_000
+"""Minimum number of stances of which those that are alike are treated once."""
 
 LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 """Minimum number of stances of two, and of more limbs that are computed in threads."""
@@ -165,19 +170,51 @@ class PostureSolver:
         bases = in_world(self.grasp_map, first, local.base_position, local.base_rotation)
         postures = replace(local, base_position=bases[0], base_rotation=bases[1])
         if self.settings.collisions:
-            self._avoid_boxes(stances, postures)
+            self._avoid_boxes(stances, where[inverse], postures)
         return postures
 
-    def _avoid_boxes(self, stances: IntArray, postures: Postures) -> None:
-        """Remove branches that touch a box; choose another posture if its own branches do."""
+    def _avoid_boxes(self, stances: IntArray, geometries: IntArray, postures: Postures) -> None:
+        """Remove branches that touch a box; choose another posture if its own branches do.
+
+        Stances with the same of `geometries`, shape (k,), and the same boxes around their first
+        point are treated once.
+        """
         nodes = np.flatnonzero(np.all(postures.branch_sets > 0, axis=1))
         touching = self.point_cause[stances[nodes]].max(axis=1)
         postures.cause[nodes] = touching
         postures.branch_sets[nodes[touching > 0]] = 0
         nodes = nodes[touching == 0]
+        ones, one_of = nodes, np.arange(len(nodes))
+        if len(nodes) >= LEAST_ALIKE:
+            alike = self._classes_of_points[stances[nodes, 0]] * self._solved.used
+            _, first, one_of = np.unique(
+                alike + geometries[nodes], return_index=True, return_inverse=True
+            )
+            ones = nodes[first]
         checked = postures.checked(stances, self.settings.transitions)
-        self.remove_touching(nodes, checked, self.boxes)
-        again = nodes[postures.cause[nodes] > 0]
+        self.remove_touching(ones, checked, self.boxes)
+        touches = postures.cause[ones] > 0
+        self._choose_again(stances, ones[touches], postures)
+        if len(ones) == len(nodes):
+            return
+        for name in FIELDS[2:]:
+            values = getattr(postures, name)
+            values[nodes] = values[ones[one_of]]
+        again = nodes[touches[one_of]]
+        again = again[np.all(postures.branch_sets[again] > 0, axis=1)]
+        bases = bases_of_ordered(
+            self.grasp_map, self.robot, stances[again], postures.pose_number[again]
+        )
+        postures.base_position[again], postures.base_rotation[again] = bases
+
+    @cached_property
+    def _classes_of_points(self) -> IntArray:
+        """Classes of points with the same boxes within reach of a robot that holds one of them."""
+        reach = 2.0 * self.robot.extent + self.settings.clearance
+        return classes_of_points(self.grasp_map, reach)
+
+    def _choose_again(self, stances: IntArray, again: IntArray, postures: Postures) -> None:
+        """Choose other postures, which touch no box, for some stances, given by index."""
         if not len(again):
             return
         geometry = rounded_geometries_in_world(self.grasp_map, stances[again])

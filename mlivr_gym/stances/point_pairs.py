@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
-import scipy
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import MapError, StanceError
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
-FEW_POINTS = 1000
-"""Number of points up to which all pairs are compared, which is quicker than to import SciPy's
-tree."""
+CHUNK = 64
+"""Number of points, in their order along the map, that are compared with others at once."""
 
 MOST_PAIRS, MOST_STEPS = 10_000_000, 4_000_000_000
 """Largest number of ordered pairs of points, and of steps between them: the JEM with points every
@@ -28,24 +26,28 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     Raises a `MapError` if there are more than `MOST_PAIRS`, or about more than `MOST_STEPS` between
     them.
     """
-    positions, limit = grasp_map.positions, span + 1e-9
-    if len(positions) <= FEW_POINTS:
-        pairs = np.column_stack(np.triu_indices(len(positions), 1))
-        pairs = pairs[np.linalg.norm(np.diff(positions[pairs], axis=1)[:, 0], axis=1) <= limit]
-        count = 2 * len(pairs)
-    else:
-        tree = scipy.spatial.cKDTree(positions)
-        count = int(tree.count_neighbors(tree, limit)) - len(positions)
+    positions, limit, found, count = grasp_map.positions, span + 1e-9, [], 0
+    # SciPy's tree is quicker on large maps, but takes longer to import than all pairs of a station.
+    along = positions[:, np.ptp(positions, axis=0).argmax()]
+    order = np.argsort(along, kind="stable")
+    ordered, last = positions[order], np.searchsorted(along[order], along[order] + limit, "right")
+    for first in range(0, len(order), CHUNK):
+        some = ordered[first : first + CHUNK]
+        others = ordered[first : last[first + len(some) - 1]]
+        apart = np.linalg.norm(some[:, None] - others, axis=2)
+        found.append(order[first + np.argwhere(np.triu(apart <= limit, 1))])
+        count += 2 * len(found[-1])
+        if count > MOST_PAIRS:
+            break
     steps = 2 * count**2 // len(positions)
     if count > MOST_PAIRS or steps > MOST_STEPS:
+        counted = f"over {MOST_PAIRS}" if count > MOST_PAIRS else f"{count}"
         raise MapError(
-            f"map {grasp_map.name!r} has {count} pairs of points within the span of {span:g} m, "
+            f"map {grasp_map.name!r} has {counted} pairs of points within the span of {span:g} m, "
             f"with about {steps} steps between them; at most {MOST_PAIRS} and {MOST_STEPS} can be "
             "used: choose a larger spacing or a smaller span"
         )
-    if len(positions) > FEW_POINTS:
-        pairs = tree.query_pairs(limit, output_type="ndarray").astype(np.int64)
-    return pairs
+    return np.concatenate(found)
 
 
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:
