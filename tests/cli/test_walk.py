@@ -8,6 +8,7 @@ import pytest
 from mlivr_gym.cli.main import main
 from mlivr_gym.closed_loop.record import ARRIVED, LINES, STOPPED, ClosedLoopRecord, Footage
 from mlivr_gym.closed_loop.sensing_robot import NOTICED
+from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.controller import PAPER
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
@@ -15,13 +16,12 @@ BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]
 GOAL, FAR_GOAL = (["--goal", x, "0.0", z] for x, z in (("2.8", "0.0"), ("4.2", "0.42")))
 
 
-def test_it_tells_and_writes_what_happened(tmp_path, capsys):
-    """The first point that it reaches for refuses the grasp."""
+def test_it_tells_and_writes_what_happened(tmp_path, capsys, checked_graph):
+    """The first point that it reaches for refuses the grasp; the bag is not in the way to it."""
     out, picture = tmp_path / "walk.json", tmp_path / "walk.png"
     files = ["--out", str(out), "--picture", str(picture)]
-    main([*START, *GOAL, *BAG, "--quiet", "--out", str(out)])
-    steps = (event for event in json.loads(out.read_text())["events"] if event["kind"] == "step")
-    refusing = next(steps)["point"]
+    plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (2.8, 0.0, 0.0), "steps").unwrap()
+    refusing = plan.actions[0][1]
     code = main([*START, *GOAL, *BAG, "--refusing", refusing, *files])
     lines = capsys.readouterr().out.splitlines()
     record = json.loads(out.read_text())

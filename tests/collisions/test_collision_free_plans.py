@@ -16,10 +16,16 @@ CLEARANCE = 0.02
 
 @pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 12), ("two iiwa", 3)])
 def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, plans):
-    """All shapes that are compared keep the clearance at every sample of every step."""
+    """All shapes that are compared keep the clearance at every sample of every step.
+
+    Two iiwas, for which no table ships, walk on every third point.
+    """
     graph = checked_graph
-    if robot != "mlivr2":
-        graph = stance_graph(jem, iiwa_from_file(0.8) if robot == "two iiwa" else robot)
+    if robot == "two iiwa":
+        some = jem.subset(np.arange(len(jem)) % 3 == 0, "some")
+        graph = stance_graph(some, iiwa_from_file(0.8))
+    elif robot != "mlivr2":
+        graph = stance_graph(jem, robot)
     rng, ruler, planner = np.random.default_rng(5), Ruler(graph.robot, jem.boxes), Planner(graph)
     found = []
     for n in range(plans):
