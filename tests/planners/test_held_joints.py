@@ -22,12 +22,13 @@ HEIGHTS = {"franka": (0.4, 0.46, 0.52), "gen3": (0.55, 0.6, 0.65)}
 @pytest.mark.parametrize("name", HELD)
 def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, name):
     """Seven joints of the file bring the tool to the point, the held one at its angle."""
+    some = jem.subset(np.arange(len(jem)) % 3 == 0, "some")
     frames, held = HELD[name]
     text, path = one_arm(frames=frames, seed=2), tmp_path / "arm.urdf"
     path.write_text(text)
     options = {**held, "capsules": "ur5e", "heights": HEIGHTS[name]}
     robot, file = RobotSpec.from_urdf(path, **options), read_robot(path, **options)
-    graph = stance_graph(jem, robot, Settings(collisions=False, limb_threshold=0.03))
+    graph = stance_graph(some, robot, Settings(collisions=False, limb_threshold=0.03))
     start, goal = sample_task(graph, np.random.default_rng(0), 1.0)
     plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
     model = pin.buildModelFromXML(text)
@@ -47,4 +48,4 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
     assert len(plan.stances) > 1
     for stance in plan.stances:
         here = graph.configuration(graph.state(stance))
-        assert_held(robot, jem, stance, here, lambda q: to_base @ flange(file.to_file_angles(q)[0]))
+        assert_held(robot, some, stance, here, lambda q: to_base @ flange(file.to_file_angles(q)[0]))
