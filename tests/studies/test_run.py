@@ -200,12 +200,15 @@ def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", ["study.parquet", "blocks/000000.parquet"])
-def test_a_damaged_file_is_one_error(rows, tmp_path, name):
-    run_study(DESIGN, tmp_path, workers=1)
+def test_a_damaged_file_is_one_error(tmp_path, name):
+    kind, factors = f"{__name__}:squares", {"scale": [1]}
+    design = StudyDesign.from_data({"kind": kind, "tasks": 6, "factors": factors})
+    executor = ThreadPoolExecutor(1)
+    run_study(design, tmp_path, executor)
     damaged = tmp_path / name
     if not damaged.exists():
         damaged.parent.mkdir()
         (tmp_path / "study.parquet").unlink()
     damaged.write_bytes(b"PAR1 and no more")
     with pytest.raises(FileError, match=f"{damaged.name}' is damaged"):
-        read_study(run_study(DESIGN, tmp_path, workers=1).parent)
+        read_study(run_study(design, tmp_path, executor).parent)
