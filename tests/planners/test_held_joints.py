@@ -48,4 +48,6 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
     assert len(plan.stances) > 1
     for stance in plan.stances:
         here = graph.configuration(graph.state(stance))
-        assert_held(robot, some, stance, here, lambda q: to_base @ flange(file.to_file_angles(q)[0]))
+        assert_held(
+            robot, some, stance, here, lambda q: to_base @ flange(file.to_file_angles(q)[0])
+        )
