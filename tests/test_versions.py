@@ -106,7 +106,7 @@ def test_what_ships_is_of_this_version(env):
 def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):
     """Those of another format, rules or world are worked out anew; one line says what differs."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    world = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
+    world = small_map.subset(small_map.positions[:, 0] < 1.8, "smaller")
     graph = stance_graph(world)
     first, file, head = step_tables(graph), TWO_LIMB_TABLES.cached(graph), head_of(graph)
     with zipfile.ZipFile(file) as data:
