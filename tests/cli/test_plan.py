@@ -57,15 +57,16 @@ def test_the_plan_of_least_reaction_is_the_first_one_listed(run, tmp_path, check
     assert sum(step.impulse for step in steps) == pytest.approx(impulses[0], rel=0.01)
 
 
-def test_plan_and_info_take_cargo(run, tmp_path, jem):
+def test_plan_and_info_take_cargo(run, tmp_path, jem, ladder_file):
     file = tmp_path / "plan.json"
     query = "--start D2a:4 D2b:4 --goal 4.0 0 0.42 --cargo 12 0.3 0.4 0.2"
     assert run(f"plan {query} --out {file}")[0] == 0
     assert Plan.load(file, jem).world.robot.cargo == Cargo(12.0, (0.3, 0.4, 0.2))
-    code, out, _ = run("info --json --cargo 12 0.3 0.4 0.2")
+    info = f"info --json --map {ladder_file}"
+    code, out, _ = run(f"{info} --cargo 12 0.3 0.4 0.2")
     assert code == 0
     assert json.loads(out)["robot"]["cargo"]["mass"] == 12.0
-    code, out, _ = run("info --json --robot mlivr3 --cargo 12 0.3 0.4 0.2 --cargo-limb 1")
+    code, out, _ = run(f"{info} --robot mlivr3 --cargo 12 0.3 0.4 0.2 --cargo-limb 1")
     assert json.loads(out)["robot"]["limbs"] == 2
     code, _, err = run("info --cargo-limb 1")
     assert code
