@@ -90,23 +90,11 @@ def experiment(
 ) -> None:
     """Measure, and write the results as JSON, the page and the figure.
 
-    Parameters
-    ----------
-    name
-        Name of the files.
-    description
-        The docstring of the script.
-    measure
-        Called with the options of the command line; returns the results.
-    markdown
-        Makes the page of the results; without it, `readme.py` shows them.
-    draw
-        Draws the figure to a file.
-    indent
-        Indent of the JSON file.
-    options
-        Default of each further option of the command line. With `--report`, the page and the figure
-        of the stored results are written.
+    `measure` is called with the options of the command line, whose defaults are `options`, and
+    returns the results. `markdown` makes the page of the results; without it, `readme.py` shows
+    them. `draw` draws the figure to a file. `description` is the docstring of the script, and
+    `indent` the indent of the JSON file. With `--report`, the page and the figure of the stored
+    results are written.
     """
     parser = command_line(description)
     for option, default in options.items():

@@ -69,14 +69,8 @@ class LazyTable(ABC):
     ) -> bool:
         """Check nodes against obstacles; return whether one of them loses branches.
 
-        Parameters
-        ----------
-        rows
-            Rows of nodes, shape (k,).
-        limit
-            Maximum number of nodes to check.
-        centre
-            Position [m], shape (3,); the nodes closest to it are checked first.
+        The rows have shape (k,). At most `limit` nodes are checked, those closest to the position
+        `centre` [m], shape (3,), first.
         """
 
     @abstractmethod

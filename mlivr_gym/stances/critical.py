@@ -39,18 +39,10 @@ def point_losses(
     the graph have been checked (see `table_build.build_table`), each unchecked one counts as an
     edge.
 
-    Parameters
-    ----------
-    graph
-        The graph; stances that obstacles or occupied points block do not count.
-    progress
-        Called with the finished share.
+    Stances that obstacles or occupied points block do not count. `progress` is called with the
+    finished share. The losses of all m points are ordered by the stances cut off, then by those
+    lost, then in the order of the map.
 
-    Returns
-    -------
-    tuple[Loss, ...]
-        The losses of all m points, by the stances cut off, then by those lost, then in the order
-        of the map.
 
     Examples
     --------

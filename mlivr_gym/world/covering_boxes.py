@@ -42,20 +42,10 @@ def point_cloud_boxes(
     lies in a box, and no point of a box is farther from a point of the cloud than the diagonal of a
     cube, `sqrt(3) * resolution`.
 
-    Parameters
-    ----------
-    points
-        The points in the world, shape (k, 3) [m].
-    resolution
-        Edge of the cubes [m].
-    name
-        First part of the ids of the boxes.
+    The points in the world have shape (k, 3) [m], and the cubes have edges of `resolution` [m]; the
+    ids of the boxes begin with `name`. Raises a `ShapeError` if a point is not finite or farther
+    than `MAX_LENGTH`, if the shape is wrong, or if the cloud spans more cubes than are allowed.
 
-    Raises
-    ------
-    ShapeError
-        If a point is not finite or farther than `MAX_LENGTH`, if the shape is wrong, or if the
-        cloud spans more cubes than are allowed.
 
     Examples
     --------
@@ -81,12 +71,8 @@ def point_cloud_boxes(
 def merged_runs(cells: IntArray, shape: IntArray) -> tuple[Array, Array]:
     """Return boxes of cells, each cell in one: their corners, shape (k, 3) each.
 
-    Parameters
-    ----------
-    cells
-        Numbers of the cells in a grid, in any order and maybe repeated.
-    shape
-        Size of the grid, shape (3,).
+    `cells` are numbers of the cells in a grid, in any order and maybe repeated, and `shape` is the
+    size of the grid, shape (3,).
     """
     # NumPy sorts short integers several times faster.
     kind = np.min_scalar_type(shape.max())
@@ -101,21 +87,9 @@ def capsule_box(name: str, start: Sequence[float], end: Sequence[float], radius:
     Along its sides the box exceeds the capsule by at most `(sqrt(2) - 1) * radius`, and at its
     corners by `(sqrt(3) - 1) * radius`.
 
-    Parameters
-    ----------
-    name
-        Id of the box.
-    start
-        Start of the axis [m], shape (3,).
-    end
-        End of the axis [m]; the capsule is a ball if it is the start.
-    radius
-        Radius [m].
-
-    Raises
-    ------
-    ShapeError
-        If an argument cannot be used.
+    The axis leads from `start` to `end` [m], shape (3,) each; the capsule is a ball if they are the
+    same. The radius is in [m], and the id of the box is its name. Raises a `ShapeError` if an
+    argument cannot be used.
     """
     first, last = np.array(start, dtype=float), np.array(end, dtype=float)
     length = float(np.linalg.norm(last - first))
