@@ -47,7 +47,7 @@ def test_packages_are_found_in_the_folders_that_are_named(tmp_path):
     lines = [f"v {x} {y} {z}\n" for x, y, z in corners]
     (elsewhere / "part.obj").write_text("".join(lines) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     text = one_arm().replace(
-        '<sphere radius="0.03"/>', '<mesh filename="package://arms/part.obj"/>'
+        '<sphere radius="0.03"/>', '<mesh filename="package://arms/part.obj"/>', 1
     )
     path = written(tmp_path, text)
     robot = chosen("--robot", path, "--package-dir", str(elsewhere.parent))

@@ -129,7 +129,8 @@ def test_edges_are_told_where_steps_are_not_checked(small_map):
 
 def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map):
     """Boxes come one by one, each asked about at once, against a graph that has them all."""
-    grown, rng, blocked = stance_graph(small_map), np.random.default_rng(3), []
+    few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
+    grown, rng, blocked = stance_graph(few), np.random.default_rng(3), []
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
     boxes = []
     for k in range(10):
@@ -144,7 +145,7 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
                 before, after = grown.edges_of_row(held, point)
                 grown.check_steps(np.full_like(before, held), before, after)
         blocked.append((known, len(grown._known.blocked)))
-    fresh = stance_graph(small_map)
+    fresh = stance_graph(few)
     fresh.add_obstacles(boxes)
     fresh.occupy([0, 5])
     ours, theirs = step_tables(grown), step_tables(fresh)

@@ -125,5 +125,6 @@ def test_tracks_at_45_degrees_run_along_the_four_corners_of_the_lab():
         for end in (track.start, track.end):
             assert np.dot(end, track.normal) == pytest.approx(-1.51, abs=0.02)
         assert abs(track.start[1] - track.end[1]) + abs(track.start[2] - track.end[2]) < 1e-9
-    held = {LAB.faces[point] for point in np.unique(stance_graph(LAB).points)}
+    some = LAB.subset(np.arange(len(LAB)) % 2 == 0, "some")
+    held = {some.faces[point] for point in np.unique(stance_graph(some).points)}
     assert held == set(LAB.faces)
