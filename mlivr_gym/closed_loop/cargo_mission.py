@@ -206,7 +206,7 @@ def plan_cargo_mission(
     for point, handle in zip((pick, stow), handles, strict=True):
         _check_place(graph, point, _bag(handle, cargo))
     bag, others = _bag(handles[0], cargo), graph.obstacles
-    found, reasons, walks = list[CargoMission](), list[str](), list[Plan]()
+    found, reasons, walks = list[CargoMission](), dict[str, list[str]](), list[Plan]()
     graph.add_obstacles([bag])
     try:
         search = partial(Planner(graph).plan, start, cost=cost, limit=LIMIT)
@@ -226,13 +226,12 @@ def plan_cargo_mission(
                     _with_limb(graph, limb, (walks_to_bag(), others), handles, cargo, cost)
                 )
             except (NoPlanError, RobotError) as error:
-                reasons.append(f"limb {limb}: {error}")
+                reasons.setdefault(str(error), []).append(f"limb {limb}")
     finally:
         graph.add_obstacles((), replaced=(bag.id,))
     if not found:
-        raise NoPlanError(
-            f"no limb can bring the bag from {pick!r} to {stow!r}: {'; '.join(reasons)}"
-        )
+        each = "; ".join(f"{' and '.join(limbs)}: {why}" for why, limbs in reasons.items())
+        raise NoPlanError(f"no limb can bring the bag from {pick!r} to {stow!r}: {each}")
     return min(found, key=lambda mission: mission.cost)
 
 

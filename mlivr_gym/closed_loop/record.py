@@ -20,6 +20,7 @@ ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 LINES = {
     "sensed": "sees something new, {boxes} boxes now",
     "gone": "sees that {box} is gone",
+    "freed": "has looked through {cubes} cubes that it saw before",
     "doubts": "finds no plan, and doubts {box}, which it has not seen",
     "planned": "plans {steps} steps",
     "waits": "waits {duration:.0f} s for a crew member to pass",
@@ -39,14 +40,15 @@ class Event:
     Attributes
     ----------
     kind
-        `"sensed"`, `"gone"`, `"doubts"`, `"planned"`, `"waits"`, `"holds"`, `"step"`, `"refused"`,
-        `"blocked"` or `"end"`.
+        `"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"waits"`, `"holds"`, `"step"`,
+        `"refused"`, `"blocked"` or `"end"`.
     time
         Simulated time [s].
     values
         What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
         `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all
         that is seen so far; `"gone"` and `"doubts"` have `box`, the id of an obstacle;
+        `"freed"` has `cubes`, how many are obstacles no longer since the last grasp;
         `"planned"` has `steps` and `computing_time` [s], from what was seen to
         the plan; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
         `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.

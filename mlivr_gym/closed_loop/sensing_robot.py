@@ -84,7 +84,7 @@ class SensingRobot:
         self._rng = np.random.default_rng([seed, 3])
         self.belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
         self.evasion = Evasion(executor, self.belief.shapes, crew)
-        self._attempts = dict[int, int]()
+        self._attempts, self._freed = dict[int, int](), 0
         self.refused: str | None = None
         self.fault: Exception | None = None
         self.intervals: list[SimulatedInterval] = []
@@ -114,6 +114,9 @@ class SensingRobot:
         """Look in all directions, and believe what is seen; without cameras nothing is."""
         if self._camera is not None:
             self._sense(self._camera)
+        if freed := self.belief.freed - self._freed:
+            self.note("freed", cubes=freed)
+            self._freed += freed
 
     def _sense(self, camera: DepthCamera, pixels: slice = ALL_PIXELS) -> None:
         """Look, and believe what is seen."""

@@ -56,10 +56,10 @@ class ClosedLoopEnv(MlivrEnv):
       the grasp is refused or missed, the limb goes back, and the episode goes on. The second such
       attempt makes the point count as occupied.
     * The last action, `N m`, relaxes (`Belief.relax`), and is valid in every state: the robot
-      doubts obstacles of `graph` that it has not seen, then takes what it saw to be smaller, at
-      most `len(CAUTIONS) - 1` times, then tries points again to which paths were blocked, once. If
-      it cannot relax any more, the robot stops, holding all its points, and the episode ends
-      without success.
+      doubts obstacles of `graph` that it has not seen, and what it has looked through, then takes
+      what it saw to be smaller, at most `len(CAUTIONS) - 1` times, then tries points again to which
+      paths were blocked, once. If it cannot relax any more, the robot stops, holding all its
+      points, and the episode ends without success.
 
     `graph` has what the robot knows, so planners and policies that use it plan in the world that
     the robot believes in. A plan also chooses the branches of the limbs, see `follow`, as

@@ -6,9 +6,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE, Belief, _outermost
+from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.hit_cubes import CUBE, outermost
 from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations
@@ -114,7 +115,7 @@ def test_at_last_what_is_believed_does_not_fill_a_narrow_gap(seen, plan):
 @pytest.mark.parametrize("count", [1, 10, 300, 5000])
 def test_the_outermost_of_many_hits_lies_outside_by_this_much_in_the_mean(count):
     drawn = np.random.default_rng(count).standard_normal((2000, count)).max(axis=1)
-    assert _outermost(count) == pytest.approx(drawn.mean(), abs=4.0 * drawn.std() / np.sqrt(2000))
+    assert outermost(count) == pytest.approx(drawn.mean(), abs=4.0 * drawn.std() / np.sqrt(2000))
 
 
 def test_where_the_robot_is_there_is_nothing_else(seen, plan, jem, checked_graph):

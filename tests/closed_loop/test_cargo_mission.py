@@ -177,6 +177,8 @@ def test_what_cannot_be_is_refused(graph):
         plan_cargo_mission(graph, START, "X", STOW, BAG)
     with pytest.raises(NoPlanError, match="limb 5: limb is 5; robot 'mlivr3' has limbs 0 to 2"):
         plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[5])
+    with pytest.raises(NoPlanError, match="': limb 0 and limb 1: robot 'mlivr2' has 2 limbs"):
+        plan_cargo_mission(stance_graph(), ("D2a:4", "D2b:4"), "A2b:4", "A4b:4", BAG)
     with pytest.raises(MlivrError, match="on point 'D2b:5' the bag would come closer than"):
         plan_cargo_mission(graph, START, "D2b:5", STOW, BAG)
     with pytest.raises(MlivrError, match="pick and stow are both 'D2b:3'"):

@@ -8,6 +8,7 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
+from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 
@@ -90,3 +91,30 @@ def test_what_is_gone_has_no_say_in_the_branches_of_the_start(graph):
 def test_what_is_gone_must_be_an_obstacle(graph):
     with pytest.raises(SettingError, match="gone has 'bag'"):
         run_closed_loop(graph, START, GOAL, gone=["bag"])
+
+
+def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
+    """The wall, round which the way is longer, is taken away after the first step."""
+    wall = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
+    simulations = []
+    monkeypatch.setattr(
+        "mlivr_gym.closed_loop.sensing_robot.SensingRobot.start",
+        lambda robot, *given, start=SensingRobot.start: (
+            start(robot, *given),
+            simulations.append(robot.executor.simulation),
+        )[0],
+    )
+
+    def take_away(event):
+        if event.kind == "step":
+            model = simulations[-1].model
+            model.geom_pos[model.geom("box/wall").id, 2] = 50.0
+
+    there = run_closed_loop(graph, START, GOAL, unknown=[wall], camera=CAMERA)
+    gone = run_closed_loop(graph, START, GOAL, unknown=[wall], camera=CAMERA, show=take_away)
+    assert "freed" not in kinds(there)
+    assert "freed" in kinds(gone)
+    assert there.outcome == gone.outcome == ARRIVED
+    assert gone.steps < there.steps
+    volumes = [sum(np.prod(box.half) for box in walk.sensed) for walk in (there, gone)]
+    assert volumes[1] < 0.5 * volumes[0]

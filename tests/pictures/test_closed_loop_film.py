@@ -7,9 +7,9 @@ from gl_there import gl_or_skip
 from PIL import Image
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.belief import CUBE
 from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.hit_cubes import CUBE
 from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.errors import MlivrError, RenderError
