@@ -1,7 +1,8 @@
 """Plans on large maps: the stance graph is computed only in a corridor of points around a route.
 
 The route is a shortest path over cells that hold points. If the corridor has no plan, it is
-widened, up to the whole map; only the whole map proves that there is none.
+widened, up to the whole map; only the whole map proves that there is none. A plan of two limbs is
+proved to be within a factor of the minimum on the whole map, see `fewest_moves`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.fewest_moves import fewest_moves
 from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
@@ -47,7 +51,8 @@ class CorridorPlan(NamedTuple):
     """Result of `plan_in_corridor`."""
 
     result: PlanningResult
-    """The result; optimality and bounds hold for the points of `graph`."""
+    """The result; the bound of its plan holds for the whole map, None if nothing is proved. Those
+    of its improvements hold for the points of `graph`."""
     graph: StanceGraph
     """The stance graph on which it was planned, whose map has the points and boxes used."""
     is_whole: bool
@@ -126,13 +131,32 @@ def plan_in_corridor(
             made = replace(
                 result.plan.world, map_fingerprint=world.fingerprint, occupied=tuple(taken)
             )
-            result = replace(result, plan=replace(result.plan, world=made))
+            statistics = replace(result.plan.statistics, bound=_bound_on_map(result.plan, world))
+            plan = replace(result.plan, world=made, statistics=statistics)
+            result = replace(result, plan=plan)
         if result.plan is not None or result.reason == LIMIT_REACHED:
             return CorridorPlan(result, graph, False)
     whole = stance_graph(world, robot, settings)
     whole.add_obstacles(obstacles)
     whole.occupy(taken)
     return CorridorPlan(Planner(whole).plan(start, target, cost, **options), whole, True)
+
+
+def _bound_on_map(plan: Plan, world: GraspMap) -> float | None:
+    """Return the factor of the minimum on a whole map within which a plan is proved, or None.
+
+    The base moves at least as far as the goal is away, and two limbs need the fewest moves.
+    """
+    query, robot = plan.query, plan.world.robot
+    cost = Cost.named(query.cost_name, query.regrasp_price)
+    moves, target = 0.0, np.array(query.goal)
+    if robot.limbs == 2:
+        start = [world.index(point) for point in plan.stances[0]]
+        goal = target, query.goal_tolerance
+        moves = fewest_moves(world, robot, plan.world.settings, start, goal)
+    away = float(np.linalg.norm(plan.motion.base_positions[0] - target)) - query.goal_tolerance
+    least = cost.base_weight * max(0.0, away) + cost.step_weight * moves
+    return max(1.0, plan.cost / least) if least else None
 
 
 def _corridors(needed: BoolArray, far: Array) -> Iterator[BoolArray]:

@@ -185,6 +185,9 @@ def test_a_plan_in_a_corridor_is_that_of_the_library(run, tmp_path, jem):
     found = plan_in_corridor("jem", start, (6.0, 0.0, 0.42), occupied=["D3a:3"])
     assert f"stances of {len(found.graph.grasp_map)} points were computed\n" in text
     assert Plan.load(file, jem).stances == found.result.unwrap().stances
+    bound = found.result.plan.statistics.bound
+    assert bound > 1.0
+    assert f"proved to be at most {bound:.2f} times the minimum" in text
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,9 @@ def test_the_plan_is_a_walk_of_the_whole_map(monkeypatch, checked_graph, many, m
         assert state is not None
     base = checked_graph.posture_of(state).base_position[0]
     np.testing.assert_allclose(plan.motion.base_positions[-1], base, atol=1e-9)
-    assert len(plan.steps) >= len(Planner(checked_graph).plan(START, GOAL, "steps").plan.steps)
+    least = len(Planner(checked_graph).plan(START, GOAL, "steps").plan.steps)
+    assert len(plan.steps) >= least >= len(plan.steps) / plan.statistics.bound
+    assert plan.statistics.bound < 1.5
 
 
 def test_a_plan_is_one_of_the_whole_map_among_its_obstacles(jem, tmp_path):
@@ -49,6 +51,15 @@ def test_a_plan_is_one_of_the_whole_map_among_its_obstacles(jem, tmp_path):
     graph.occupy([taken, "A6b:7"])
     assert plan.world == World.of(graph)
     assert count_steps(graph, plan.stances) == len(plan.steps)
+
+
+@pytest.mark.parametrize("cost", [("base",), ("weighted", 0.3)])
+def test_its_bound_holds_for_the_whole_map(checked_graph, cost):
+    name, price = (*cost, None)[:2]
+    plan = plan_in_corridor("jem", START, GOAL, name, regrasp_price=price).result.unwrap()
+    least = Planner(checked_graph).plan(START, GOAL, name, regrasp_price=price).unwrap().cost
+    assert plan.cost / plan.statistics.bound <= least <= plan.cost + 1e-9
+    assert 1.0 <= plan.statistics.bound < 1.6
 
 
 def test_boxes_that_are_left_out_touch_no_stance_of_the_corridor(jem, checked_graph):
