@@ -68,7 +68,8 @@ def _entering_ball(centre: Array, square: float, hits: Array, origins: Array) ->
 def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolArray:
     """Return which rays pass through a box, at least `INSIDE` below its faces, shape (k,).
 
-    A ray that ends in the box, or within the noise behind it, does not.
+    A ray that ends in the box, or within the noise behind it, does not. Through a box that is thin
+    along one axis a ray passes from face to face, if it ends at least `INSIDE` behind it.
 
     Parameters
     ----------
@@ -80,17 +81,19 @@ def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolA
         Standard deviation of a measured distance [m].
     """
     rotation, half = np.array(box.rotation), np.array(box.half) - INSIDE
-    found = np.zeros(len(hits), dtype=np.bool_)
-    if (half <= 0.0).any():
+    found, is_thin = np.zeros(len(hits), dtype=np.bool_), half <= 0.0
+    if is_thin.sum() > 1:
         return found
+    half = np.maximum(half, 0.0)
     rays = _entering_ball(np.array(box.centre), float(half @ half), hits, origins)
     begin, along = (origins[rays] - box.centre) @ rotation, (hits[rays] - origins[rays]) @ rotation
+    is_behind = (np.abs(begin + along) > np.array(box.half) + INSIDE)[:, is_thin].all(axis=1)
     along = np.where(np.abs(along) < PARALLEL, PARALLEL, along)
     planes = np.stack([(-half - begin) / along, (half - begin) / along])
     entry = np.maximum(planes.min(axis=0).max(axis=1), 0.0)
     end = 1.0 - EXPLAINED_DEVIATIONS * noise / np.linalg.norm(along, axis=1)
     leave = planes.max(axis=0).min(axis=1)
-    found[rays] = (entry < leave) & (leave < end)
+    found[rays] = (entry <= leave) & (leave < end) & is_behind
     return found
 
 

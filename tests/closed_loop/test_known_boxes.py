@@ -23,7 +23,7 @@ GRID = np.array([-2.0, -2.0, -2.0]), 0.05, (80, 80, 80)
 @given(st.integers(0, 2**32 - 1))
 def test_a_ray_passes_through_if_samples_of_it_lie_deep_in_the_box(seed):
     rng = np.random.default_rng(seed)
-    half, noise = rng.uniform(0.02, 0.6, 3), 0.003
+    half, noise = rng.uniform(INSIDE + 0.001, 0.6, 3), 0.003
     turn = Rotation.random(random_state=seed % 2**31).as_matrix()
     box = Box(
         "box", "obstacle", tuple(rng.uniform(-0.5, 0.5, 3)), tuple(half), tuple(map(tuple, turn))
@@ -40,6 +40,28 @@ def test_a_ray_passes_through_if_samples_of_it_lie_deep_in_the_box(seed):
     assert not found[~deep & ~_near(depth)].any()
     assert found[deeper & ~ends].all()
     assert not found[((depth > INSIDE + 0.002) & short).any(axis=0)].any()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_ray_passes_through_a_plate_from_face_to_face(seed):
+    """Samples of the ray lie on both sides, and where it crosses the middle, far from the rim."""
+    rng, noise = np.random.default_rng(seed), 0.003
+    half = np.array([*rng.uniform(0.05, 0.6, 2), rng.uniform(0.002, INSIDE)])
+    order = rng.permutation(3)
+    turn = Rotation.random(random_state=seed % 2**31).as_matrix()
+    centre = rng.uniform(-0.3, 0.3, 3)
+    box = Box("plate", "obstacle", tuple(centre), tuple(half[order]), tuple(map(tuple, turn)))
+    begin, end = rng.uniform(-1.0, 1.0, (2, 60, 3)) * [0.8, 0.8, 0.4]
+    there = (turn @ np.moveaxis([begin, end], 2, 0)[order].reshape(3, -1)).T.reshape(2, 60, 3)
+    found = passes_through(box, there[1] + centre, there[0] + centre, noise)
+    crosses = begin[:, 2] * end[:, 2] < 0.0
+    share = begin[:, 2] / (begin[:, 2] - end[:, 2])
+    rim = (half - np.abs(begin + share[:, None] * (end - begin)))[:, :2].min(axis=1)
+    beyond = np.abs(end[:, 2]) - half[2]
+    assert found[crosses & (rim > INSIDE + 1e-6) & (beyond > INSIDE + 1e-6)].all()
+    assert not found[~crosses | (rim < INSIDE - 1e-6) | (beyond < INSIDE - 1e-6)].any()
+    thin = Box("rod", "obstacle", tuple(centre), (0.4, 0.02, 0.02), tuple(map(tuple, turn)))
+    assert not passes_through(thin, there[1] + centre, there[0] + centre, noise).any()
 
 
 def _near(depth):
