@@ -124,6 +124,9 @@ def refer(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[st
 
 
 def setup(app: Any) -> None:
-    """Connect both."""
+    """Connect both; words before a colon in an attribute's docstring are no type."""
+    from sphinx.ext.napoleon.docstring import GoogleDocstring
+
+    GoogleDocstring._parse_attribute_docstring = GoogleDocstring._consume_to_end
     app.connect("source-read", filled)
     app.connect("autodoc-process-docstring", refer, priority=0)
