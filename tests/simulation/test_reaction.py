@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pinocchio
 import pytest
-from plans import first_steps
 
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.fastest import step_reactions, with_least_reaction
@@ -13,12 +12,19 @@ from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
+from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import reaction_of
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
 from mlivr_gym.transitions.edge import Edge
+
+
+@pytest.fixture(scope="module")
+def walk(checked_graph):
+    """Two steps."""
+    return Planner(checked_graph).plan(("D2a:4", "D2b:4"), (2.8, 0.0, 0.0)).unwrap()
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +88,7 @@ def test_no_other_clear_swing_has_less_reaction_and_no_swing_at_the_given_base_p
 
 def test_durations_that_the_plan_can_keep_stay_possible(checked_graph, walk):
     """They are hardly longer than it needs, so that many other base poses are too slow."""
-    graph, plan, shortest = checked_graph, first_steps(walk, 2), []
+    graph, plan, shortest = checked_graph, walk, []
     for k in range(2):
         with pytest.raises(TimingError) as refused:
             step_trajectory(graph, plan, k, Durations.of_step(1.0))
