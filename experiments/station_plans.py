@@ -236,6 +236,7 @@ def lower_bounds() -> dict[str, Any]:
     """Return lower bounds of the steps across the station, and the steps of plans."""
     import numpy as np
 
+    from mlivr_gym.planners.fewest_moves import fewest_moves
     from mlivr_gym.planners.fewest_steps import fewest_steps
     from mlivr_gym.planners.lower_bounds import MAX_STEPS
     from mlivr_gym.planners.query import GOAL_TOLERANCE
@@ -247,10 +248,13 @@ def lower_bounds() -> dict[str, Any]:
     away = np.linalg.norm(graph.base_position - goal, axis=1)
     nothing, none = np.zeros(len(graph), dtype=np.bool_), np.zeros(0, dtype=np.int64)
     moves, _ = fewest_steps(graph.table, away <= GOAL_TOLERANCE, nothing, none, MAX_STEPS)
+    points = [world.index(point) for point in start]
+    place = np.array(goal), GOAL_TOLERANCE
     inside = plan_in_corridor(world, start, goal)
     found = Planner(graph).plan(start, goal, "steps")
     return {
         "distance": int(np.ceil((away[here] - GOAL_TOLERANCE) / graph.max_displacement)),
+        "free": int(fewest_moves(world, graph.robot, graph.settings, points, place)),
         "moves": int(moves[here]),
         "corridor": len(inside.result.unwrap().steps),
         "whole": len(found.unwrap().steps),

@@ -134,6 +134,9 @@ def plan_in_corridor(
             statistics = replace(result.plan.statistics, bound=_bound_on_map(result.plan, world))
             plan = replace(result.plan, world=made, statistics=statistics)
             result = replace(result, plan=plan)
+        elif result.reason == LIMIT_REACHED:
+            used = f", on {len(part)} of {len(world)} points: there may be a plan"
+            result = replace(result, message=result.message + used)
         if result.plan is not None or result.reason == LIMIT_REACHED:
             return CorridorPlan(result, graph, False)
     whole = stance_graph(world, robot, settings)

@@ -257,7 +257,7 @@ def print_plan(
     bound = plan.statistics.bound
     if bound is not None and (graph.limbs > 2 or bound > 1.0):
         print(
-            f"cost {plan.statistics.cost:.3f}, proved to be at most {bound:.2f} times the minimum"
+            f"cost {plan.statistics.cost:.3f}, proved to be at most {bound:.3f} times the minimum"
         )
     print(
         f"{plan.statistics.expanded} states expanded, {plan.statistics.generated} generated, "

@@ -187,7 +187,7 @@ def test_a_plan_in_a_corridor_is_that_of_the_library(run, tmp_path, jem):
     assert Plan.load(file, jem).stances == found.result.unwrap().stances
     bound = found.result.plan.statistics.bound
     assert bound > 1.0
-    assert f"proved to be at most {bound:.2f} times the minimum" in text
+    assert f"proved to be at most {bound:.3f} times the minimum" in text
 
 
 @pytest.mark.parametrize(
