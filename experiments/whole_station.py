@@ -167,7 +167,7 @@ Across the `station` the plan on the whole map has {least["whole"]} steps, which
 fewest, and that in the corridor {least["corridor"]}. The distance over the longest displacement of
 a step gives {least["distance"]} ({parts[0]}). The fewest moves over postures without boxes are \
 {least["free"]} ({parts[1]}); over all stances of the map at least {least["moves"]} moves are
-needed, whether or not steps can make them ({parts[2]}). The rest of the proof takes checks of steps.
+needed, whether or not steps can make them ({parts[2]}). The rest takes checks of steps.
 
 """
     return ""
