@@ -64,9 +64,7 @@ class LazyTable(ABC):
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
     @abstractmethod
-    def check_nodes(
-        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
-    ) -> bool:
+    def check_nodes(self, rows: IntArray) -> bool:
         """Check nodes against obstacles; return whether one of them loses branches.
 
         The rows have shape (k,). At most `limit` nodes are checked, those closest to the position
@@ -125,9 +123,7 @@ class LazyTwoLimbTable(LazyTable):
         table.branch_sets[rows] = packed(steps.branch_sets[rows])
         table.releasable[rows] &= packed(able) & table.branch_sets[rows]
 
-    def check_nodes(
-        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
-    ) -> bool:
+    def check_nodes(self, rows: IntArray) -> bool:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         before = self.table.branch_sets[rows]
         if not self.is_complete:
@@ -186,14 +182,9 @@ class LazyNodeTable(LazyTable):
             self._may_touch = graph.close_to_obstacles(self.cells, reach)
             self.is_unchecked = self._may_touch.copy()
 
-    def check_nodes(
-        self, rows: IntArray, limit: int | None = None, centre: Array | None = None
-    ) -> bool:
+    def check_nodes(self, rows: IntArray) -> bool:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         rows = np.unique(rows[self.is_unchecked[rows]])
-        if limit is not None and centre is not None and len(rows) > limit:
-            offset = self._free_table.base_position[rows] - centre
-            rows = rows[np.argpartition(np.einsum("ij,ij->i", offset, offset), limit)[:limit]]
         if not len(rows):
             return False
         self.is_unchecked[rows] = False

@@ -29,6 +29,9 @@ class SearchStage(NamedTuple):
     """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
     max_searches: int | None = None
     """Number of searches after which the stage ends, by default none."""
+    ordered_by_checks: bool = False
+    """Whether the results of checks order the queue, see `check_history`, and the limit of labels
+    grows when it is reached. Such a stage finds paths among obstacles, and proves nothing."""
 
 
 FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
@@ -75,10 +78,12 @@ ENCLOSURE_PROOF = SearchStage(
 """The same search without dominance between different labels. It expands every state that can be
 reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
-FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8))
+FIRST_PATH_AMONG_OBSTACLES = SearchStage(
+    SearchParameters(0.5, labels_per_node=2, max_labels=60_000), ordered_by_checks=True
+)
 """The stage that finds a first path among obstacles."""
 
-QUICK_FIRST_PATH_AMONG_OBSTACLES = SearchStage(SearchParameters(0.5, 8, 100_000), max_searches=50)
+QUICK_FIRST_PATH_AMONG_OBSTACLES = FIRST_PATH_AMONG_OBSTACLES._replace(max_searches=50)
 """The same with little effort, before further nodes are checked against the obstacles."""
 
 OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, FIRST_PATH_AMONG_OBSTACLES, *STAGES

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import cached_property
 from itertools import count, islice
 
 import numpy as np
@@ -26,9 +27,11 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
+from mlivr_gym.planners.check_history import CheckHistory, closest
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
+    ARRAYS_FULL,
     SEARCH_COMPLETE,
     SearchGraph,
     SearchParameters,
@@ -51,12 +54,8 @@ from mlivr_gym.planners.search_stages import (
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.transitions.state import State
 
-NODES_CHECKED_AROUND = 200
-"""Number of nodes that are checked around a node of a path that touches an obstacle."""
-
 NODES_CHECKED_AROUND_GOAL = 20_000
-"""Number of nodes that are checked around the goal if no path is found soon, where it grows, and
-at most between two readings of the clock."""
+"""Nodes that are checked around the goal at first, and at most between readings of the clock."""
 
 FIRST_EXPANSION_LIMIT = 50
 """Labels that a search expands before one from the other end improves the lower bounds."""
@@ -77,7 +76,7 @@ class TableSearch(PathSearch):
         super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
         self._last_expanded = 0
-        self._is_complete = self._is_exhausted = False
+        self._is_complete = self._is_exhausted = self._is_full = False
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         self._origin_paths: list[StatePath] = []
@@ -211,6 +210,11 @@ class TableSearch(PathSearch):
             if self.graph.obstacles and expansion_limit == CUT_OFF_LIMIT:
                 self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
 
+    @cached_property
+    def _check_history(self) -> CheckHistory:
+        """The history of checks, with three or four limbs among obstacles."""
+        return CheckHistory(self._lazy_table)
+
     def proves(self, cost: float) -> bool:
         """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
         starts = self._origins.nodes
@@ -295,11 +299,15 @@ class TableSearch(PathSearch):
                 break
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
+                if self._is_full and stage.ordered_by_checks and self._check_history.relax():
+                    continue
                 return None
             if not stage.parameters.check_when_popped and self._lazy_table.check_nodes(path.nodes):
                 self._check_nodes_around(path.nodes)
                 continue
             states = self._checked_walk(path, stage)
+            if stage.ordered_by_checks:
+                self._check_history.add_path(path, self._lazy_table.checked_edges)
             if states is None:
                 if self._ignores_checks(stage):
                     return None
@@ -320,14 +328,17 @@ class TableSearch(PathSearch):
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
-        limit = min(parameters.max_expansions, search.limit - self.expanded)
+        limit, h = min(parameters.max_expansions, search.limit - self.expanded), goal_bounds.h
+        if stage.ordered_by_checks:
+            h = self._check_history.ordered(h, goal_bounds.cost)
+            parameters = self._check_history.limited(parameters)
         search_graph = SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost))
         found = cheapest_path(
-            search_graph, goal_bounds.h, self._origins, self._labels,
+            search_graph, h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=lazy_table.branch_sets_after,
         )  # fmt: skip
-        self._is_complete = found.end == SEARCH_COMPLETE
+        self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
@@ -365,9 +376,10 @@ class TableSearch(PathSearch):
     def _check_nodes_around(self, nodes: IntArray) -> None:
         """Check the reached nodes closest to the nodes of a path that touch something."""
         table, free = self._lazy_table.table, self._lower_bounds.table
-        reached = self._labels.queue.node[: self._labels.label_count].astype(np.int64)
-        for node in nodes[table.branch_sets[nodes] != free.branch_sets[nodes]].tolist():
-            self._lazy_table.check_nodes(reached, NODES_CHECKED_AROUND, table.base_position[node])
+        touching = nodes[table.branch_sets[nodes] != free.branch_sets[nodes]]
+        reached = np.unique(self._labels.queue.node[: self._labels.label_count].astype(np.int64))
+        self._check_history.add_failures(touching)
+        self._lazy_table.check_nodes(closest(self._lazy_table, reached, touching))
 
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""

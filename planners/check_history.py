@@ -1,0 +1,96 @@
+"""Where checks of edges failed and succeeded, which orders the search for a first path.
+
+The paths that LazySP finds one after the other differ little: where one step touches an obstacle
+many others do, and a new path has new edges to be checked all along. As in POMP (Choudhury, Dellin
+and Srinivasa 2016) the results of earlier checks tell which edges are likely to be steps. Nodes
+close to failures come later in the open queue, nodes at edges that are steps come earlier. This
+changes the order of a search alone, which must not prove anything.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.kinematics.batches import distances
+from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
+from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.label_search import SearchParameters
+from mlivr_gym.planners.labels import CAPACITY, NodePath
+from mlivr_gym.planners.lazy_table import LazyNodeTable, LazyTable
+from mlivr_gym.stances.obstacles import CELL_EDGE
+
+FAILURE_RADIUS = 0.25
+"""Distance of base positions from a failure up to which nodes come later [m]."""
+
+STEP_LENGTH = 0.1
+"""Base displacement of a typical step [m], by which base costs are compared with steps."""
+
+LEAST_PENALTY = 0.5
+"""Penalty in steps up to which a search that found no path gets more labels."""
+
+
+NODES_CHECKED_AROUND = 1500
+"""Number of nodes that are checked around those of a path that touch an obstacle."""
+
+
+class CheckHistory:
+    """Results of the checks of one query, for n nodes."""
+
+    def __init__(self, lazy_table: LazyTable) -> None:
+        """Start without results for the nodes of a table among obstacles."""
+        assert isinstance(lazy_table, LazyNodeTable)
+        assert lazy_table.cells is not None
+        base_position, cells = lazy_table.table.base_position, lazy_table.cells
+        self._base_position, self._cell = base_position, cells.cell
+        self._centres = cells.low + CELL_EDGE / 2
+        self._penalty = np.zeros(len(cells.low))
+        self._is_at_step = np.zeros(len(base_position), dtype=np.bool_)
+        self._keys, self._labels = np.empty(len(base_position)), 1
+
+    def add_failures(self, nodes: IntArray) -> None:
+        """Add nodes that touch an obstacle: nodes there come a step later, those around less."""
+        for position in self._base_position[nodes]:
+            distance = distances(self._centres, position)
+            self._penalty += np.maximum(0.0, 1.0 - distance / FAILURE_RADIUS)
+
+    def add_path(self, path: NodePath, checked_edges: CheckedEdges) -> None:
+        """Add the edges of a path, all of which were checked."""
+        is_step = checked_edges.kept_on(path.edges) != 0
+        before, after = path.nodes[:-1], path.nodes[1:]
+        self.add_failures(np.concatenate([before[~is_step], after[~is_step]]))
+        self._is_at_step[before[is_step]] = self._is_at_step[after[is_step]] = True
+
+    def ordered(self, h: Array, cost: Cost) -> Array:
+        """Return keys for the open queue in place of lower bounds `h` of a cost, shape (n,).
+
+        The array is used again by the next call.
+        """
+        unit, keys = cost.step_weight + STEP_LENGTH * cost.base_weight, self._keys
+        np.take(unit * self._penalty, self._cell, out=keys, mode="clip")
+        keys += h
+        keys[self._is_at_step] = np.maximum(h[self._is_at_step] - unit, MIN_COST_OUTSIDE_GOAL)
+        keys[h == 0.0] = 0.0
+        return keys
+
+    def limited(self, parameters: SearchParameters) -> SearchParameters:
+        """Return search parameters with the limit of labels that applies now."""
+        return parameters._replace(max_labels=min(self._labels * parameters.max_labels, CAPACITY))
+
+    def relax(self) -> bool:
+        """Halve what failures add, or double the limit of labels; return whether either is left."""
+        if self._penalty.max(initial=0.0) > LEAST_PENALTY:
+            self._penalty /= 2.0
+        else:
+            self._labels *= 2
+        return self._labels <= CAPACITY
+
+
+def closest(lazy_table: LazyTable, rows: IntArray, others: IntArray) -> IntArray:
+    """Return those of some unchecked nodes that are closest to other nodes."""
+    rows = rows[lazy_table.is_unchecked[rows]]
+    positions, apart = lazy_table.table.base_position, np.full(len(rows), np.inf)
+    for position in positions[others]:
+        np.minimum(apart, distances(positions[rows], position), out=apart)
+    return rows[np.argsort(apart, kind="stable")[:NODES_CHECKED_AROUND]]
