@@ -21,6 +21,9 @@ from mlivr_gym.planners.labels import CAPACITY, NodePath
 from mlivr_gym.planners.lazy_table import LazyNodeTable, LazyTable
 from mlivr_gym.stances.obstacles import CELL_EDGE
 
+PENALTY = 0.5
+"""Steps by which nodes at a failure come later."""
+
 FAILURE_RADIUS = 0.25
 """Distance of base positions from a failure up to which nodes come later [m]."""
 
@@ -50,10 +53,10 @@ class CheckHistory:
         self._keys, self._labels = np.empty(len(base_position)), 1
 
     def add_failures(self, nodes: IntArray) -> None:
-        """Add nodes that touch an obstacle: nodes there come a step later, those around less."""
+        """Add nodes that touch an obstacle: nodes come later, the closer the more."""
         for position in self._base_position[nodes]:
             distance = distances(self._centres, position)
-            self._penalty += np.maximum(0.0, 1.0 - distance / FAILURE_RADIUS)
+            self._penalty += PENALTY * np.maximum(0.0, 1.0 - distance / FAILURE_RADIUS)
 
     def add_path(self, path: NodePath, checked_edges: CheckedEdges) -> None:
         """Add the edges of a path, all of which were checked."""

@@ -33,12 +33,12 @@ def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):
     h[goal] = 0.0
     history = CheckHistory(lazy_table)
     assert (history.ordered(h, Cost.named("steps")) == h).all()
-    history.add_failures(np.array([failed]))
+    history.add_failures(np.array([failed, failed]))
     history._is_at_step[at_step] = True
     keys = history.ordered(h, Cost.named("steps")).copy()
     others = np.setdiff1d(np.arange(len(base)), [goal, *at_step])
     late = keys[others] - 7.0
-    expected = 1.0 - np.linalg.norm(base[others] - base[failed], axis=1) / 0.25
+    expected = 2 * 0.5 * (1.0 - np.linalg.norm(base[others] - base[failed], axis=1) / 0.25)
     slack = CELL_EDGE * np.sqrt(3.0) / 2.0 / 0.25
     assert np.abs(late - np.maximum(expected, 0.0)).max() <= slack
     assert late.max() > 0.5
