@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.arm import set_arm
+from mlivr_gym.kinematics.lengths import set_arm
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
@@ -339,7 +339,8 @@ def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -
 
 def _on_flange_axis(limb: AnyLimb, capsule: Capsule) -> bool:
     """Return whether a capsule lies on the flange axis, which is the y axis of wrist 2 or none."""
-    if limb.link_offsets[5][1] != BACK:
+    (x, _, z), turn = limb.link_offsets[5]
+    if turn != BACK or x != 0.0 or z != 0.0:
         return False
     across = [abs(end[k]) for end in (capsule.start, capsule.end) for k in (0, 2)]
     return capsule.link == "wrist_2" and max(across) < 1e-9

@@ -19,6 +19,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
+
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbCapsule, LimbModel
 from mlivr_gym.compiled.kernels import entry, kernel
@@ -35,6 +37,9 @@ if TYPE_CHECKING:
 
 BASE, ELBOW, FOREARM_END, WRIST_POINT = 0, 1, 2, 3
 """Anchors of capsule ends: limb base, elbow, forearm end and wrist point."""
+
+ROUNDING = 1e-6
+"""How far a joint may turn beyond its bound by rounding [rad]."""
 
 
 class Shapes(Record):
@@ -141,11 +146,19 @@ def place_in_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shape
 
 
 @kernel
-def set_changes(ends: IntervalAngles, placed: Placed) -> None:
-    """Set the changes of the joint angles from midpoint to both ends, each below half a turn."""
-    for joint in range(6):
-        placed.to_first[joint] = wrap(ends.first[joint] - placed.q[joint])
-        placed.to_last[joint] = wrap(ends.last[joint] - placed.q[joint])
+def are_changes_bounded(ends: IntervalAngles, placed: Placed) -> bool:
+    """Set the changes of the joint angles from midpoint to both ends, each below half a turn.
+
+    Returned is whether each is within the bound of its turn. It is unless the angles at an end are
+    those of another solution, see `kinematics.numeric`.
+    """
+    turns, excess = placed.turns, -np.inf
+    for joint, most in enumerate((turns.q1, turns.q2, turns.q3, turns.q4, turns.q5, turns.q6)):
+        before = wrap(ends.first[joint] - placed.q[joint])
+        after = wrap(ends.last[joint] - placed.q[joint])
+        placed.to_first[joint], placed.to_last[joint] = before, after
+        excess = max(excess, max(abs(before), abs(after)) - most)
+    return excess <= ROUNDING
 
 
 @kernel

@@ -45,13 +45,13 @@ from mlivr_gym.collisions.placement import (
     WRIST_POINT,
     IntervalAngles,
     Placed,
+    are_changes_bounded,
     bound_capsules,
     bound_from_grasp,
     bound_in_world,
     bound_links,
     place_by_angles,
     place_in_world,
-    set_changes,
 )
 from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
@@ -232,7 +232,7 @@ def _place_limb(
 ) -> bool:
     """Place a limb at the midpoint of an interval; return whether it can reach that configuration.
 
-    `placed.is_bounded` is False if its motion has no proved bound; shapes are then not placed.
+    Shapes are not placed if its motion has no proved bound, `placed.is_bounded` is then False.
     """
     if not set_joints(robot, limb, interval.middle, scratch, placed.q):
         return False
@@ -242,10 +242,10 @@ def _place_limb(
     else:
         placed.fraction = 1.0
         flange = _flange_motion(robot, limb, interval, scratch)
-        placed.is_bounded = held_turns(arm, placed.q, flange, placed.turns)
+        is_proved = held_turns(arm, placed.q, flange, placed.turns)
+        placed.is_bounded = is_proved and are_changes_bounded(ends, placed)
         if not placed.is_bounded:
             return True
-        set_changes(ends, placed)
         lower_turns(arm, placed.to_first, placed.to_last, placed.turns)
         bound_links(arm, placed)
     place_by_angles(robot.limbs[limb.limb], placed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.records import Record
+from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -23,16 +23,57 @@ Postures are rounded, and a joint often lies exactly on a half turn.
 """
 
 
-UR, SPHERICAL_WRIST, SPHERICAL_SHOULDER = 0, 1, 2
+UR, SPHERICAL_WRIST, SPHERICAL_SHOULDER, NUMERIC = 0, 1, 2, 3
 """Families of arms: three parallel axes, see `ur`; a spherical wrist, see `spherical_wrist`; a
-spherical shoulder, see `spherical_shoulder`."""
+spherical shoulder, see `spherical_shoulder`; any other six joints, see `numeric`."""
+
+SEEDS = 64
+"""Number of stored postures of each branch of an arm of the family `NUMERIC`."""
+
+
+class Seed(Record):
+    """A posture from which a flange pose near by is solved; it lies at the azimuth 0 of axis 1."""
+
+    radius: float
+    """Distance of the wrist point from axis 1 [m]."""
+    height: float
+    """Height of the wrist point over the limb base [m]."""
+    axis: Vector
+    """Flange axis."""
+    q: Joints
+    """Joint angles [rad]; that of joint 6 is 0."""
+
+
+class NumericArm(Record):
+    """What is known of an arm of the family `NUMERIC`."""
+
+    steps: Annotated[Array, (6, 4, 3)]
+    """Origin [m] and axes x, y, z of each link's frame in that of the link before it, at joint
+    angles of 0; the last one is that of the flange."""
+    wrist: Vector
+    """The wrist point in the frame of link 5 [m]."""
+    unit: float
+    """Length with which a turn of the flange axis is compared with a travel [m]."""
+    elbow: float
+    """Angle of joint 3 at which the arm is stretched [rad]."""
+    bend: float
+    """Angle of joint 5 at which axes 4 and 6 are nearest to each other's direction [rad]."""
+    farthest: Annotated[Array, (5,)]
+    """Bounds of how far turning each joint moves wrist point and flange axis, per radian [m]."""
+    between: Annotated[Array, (5,)]
+    """Distances [m] of the origin of link 2 from axis 1, of those of the links 2 to 5 from the next
+    one, and of that of link 5 from the wrist point."""
+    seeds: Annotated[Rows[Seed], (8, SEEDS)]
+    """Postures of each branch."""
+    seed_counts: Annotated[Array, (8,), np.int64]
+    """Number of these."""
 
 
 class Arm(Record):
     """The lengths of an arm and the windows of its joints."""
 
     family: int
-    """`UR`, `SPHERICAL_WRIST` or `SPHERICAL_SHOULDER`."""
+    """`UR`, `SPHERICAL_WRIST`, `SPHERICAL_SHOULDER` or `NUMERIC`."""
     d1: float
     """Length of the form of its family [m], as are the next ones; 0 if the form has none such."""
     a1: float
@@ -71,6 +112,8 @@ class Arm(Record):
     window: Annotated[Array, (6, 2)]
     """Least and largest angle of each joint of a limb that holds or is folded, see `in_window`
     [rad]."""
+    numeric: NumericArm
+    """Of the family `NUMERIC` alone."""
 
 
 class FlangeAxis(NamedTuple):
@@ -102,37 +145,3 @@ def in_window(angle: float, low: float) -> float:
     least = low - LIMIT_TOLERANCE
     winding: float = angle - TURN * np.floor((angle - least) / TURN)
     return winding
-
-
-def _cosine_and_sine(angle: float) -> tuple[float, float]:
-    """Return cosine and sine of an angle [rad], 0 where a quarter turn leaves a rounding error."""
-    pair = np.cos(angle), np.sin(angle)
-    cosine, sine = (0.0 if abs(part) < 1e-15 else float(part) for part in pair)
-    return cosine, sine
-
-
-def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
-    """Fill `arm` with lengths of a family's form, see its `forward_kinematics` [m], and windows.
-
-    Windows are the least and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
-    """
-    arm["family"] = family
-    if family == UR:
-        arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
-        arm["links"] = abs(arm["a2"] * arm["a3"])
-        arm["c_held"], arm["s_held"] = 1.0, 0.0
-    else:
-        names = ("d1", "a1", "d2", "a2", "b2", "a3", "d4", "d6")
-        for name, length in zip(names, lengths[:8], strict=True):
-            arm[name] = length
-        arm["c_twist"], arm["s_twist"] = _cosine_and_sine(lengths[8])
-        arm["c_held"], arm["s_held"] = _cosine_and_sine(lengths[9])
-        upper, forearm = np.hypot(arm["a2"], arm["b2"]), np.hypot(arm["a3"], arm["d4"])
-        fold, bend = np.arctan2(arm["b2"], arm["a2"]), np.arctan2(arm["a3"], arm["d4"])
-        arm["c_fold"], arm["s_fold"] = _cosine_and_sine(fold)
-        arm["c_bend"], arm["s_bend"] = _cosine_and_sine(bend - fold)
-        arm["upper"], arm["forearm"] = upper, forearm
-        arm["links"] = upper * forearm * abs(arm["s_twist"])
-    low, high = windows.T
-    arm["window"][:, 0] = low
-    arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)

@@ -4,8 +4,8 @@ They say which branches reach a flange pose and how far they are from singular, 
 they have, where their joints and links are, and how far these move at most. There are two closed
 forms, that of the UR arms (`ur`), which arms of space stations share once their first joint is
 locked, and that of arms with a spherical wrist (`spherical_wrist`), which seen from the flange
-serves arms with a spherical shoulder (`spherical_shoulder`). Each kernel calls one of them by the
-field `family` of `Arm`.
+serves arms with a spherical shoulder (`spherical_shoulder`). Other arms of six joints are solved
+numerically (`numeric`). Each kernel calls one of them by the field `family` of `Arm`.
 
 All of them take the `Arm`; `flange` is position and axis of its flange in the limb base frame,
 `branch` the number of a branch.
@@ -22,6 +22,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics import (
+    numeric,
+    numeric_bounds,
     spherical_shoulder,
     spherical_shoulder_bounds,
     spherical_wrist,
@@ -29,7 +31,7 @@ from mlivr_gym.kinematics import (
     ur,
     ur_bounds,
 )
-from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR, Arm
+from mlivr_gym.kinematics.arm import NUMERIC, SPHERICAL_SHOULDER, UR, Arm
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR
 from mlivr_gym.kinematics.ur import SINGULAR_TOO as SINGULAR_TOO
@@ -50,6 +52,8 @@ def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
         ur.branch_terms(arm, flange, out)
     elif arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder.branch_terms(arm, flange, out)
+    elif arm.family == NUMERIC:
+        numeric.branch_terms(arm, flange, out)
     else:
         spherical_wrist.branch_terms(arm, flange, out)
 
@@ -64,6 +68,8 @@ def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
         return ur.joint_axes(arm, flange, branch, out)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder.joint_axes(arm, flange, branch, out)
+    if arm.family == NUMERIC:
+        return numeric.joint_axes(arm, flange, branch, out)
     return spherical_wrist.joint_axes(arm, flange, branch, out)
 
 
@@ -81,6 +87,8 @@ def branch_angles(
         return ur.branch_angles(arm, flange, x, branch, slack, q)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder.branch_angles(arm, flange, x, branch, slack, q)
+    if arm.family == NUMERIC:
+        return numeric.branch_angles(arm, flange, x, branch, q)
     return spherical_wrist.branch_angles(arm, flange, x, branch, slack, q)
 
 
@@ -95,6 +103,8 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
         ur.link_frames(arm, q, frames)
     elif arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder.link_frames(arm, q, frames)
+    elif arm.family == NUMERIC:
+        numeric.link_frames(arm, q, frames)
     else:
         spherical_wrist.link_frames(arm, q, frames)
 
@@ -110,6 +120,8 @@ def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: 
         return ur.branch_frames(arm, flange, branch, axes, frames)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder.branch_frames(arm, flange, branch, frames)
+    if arm.family == NUMERIC:
+        return numeric.branch_frames(arm, flange, branch, frames)
     return spherical_wrist.branch_frames(arm, flange, branch, frames)
 
 
@@ -121,12 +133,14 @@ def stays_above(
 
     `terms` are those of `branch_terms` in the middle, `choice` is the class; the wrist moves [m]
     and the flange axis turns [rad] by `change` at most. The floor is the least square of `det J /
-    arm.links` [m^2].
+    arm.links` [m^2]. It is not asked of an arm of the family `NUMERIC`, see `numeric_path`.
     """
     if arm.family == UR:
         return ur_bounds.stays_above(arm, terms, choice, change, square_floor)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder_bounds.stays_above(arm, terms, choice, change, square_floor)
+    if arm.family == NUMERIC:
+        return False
     return spherical_wrist_bounds.stays_above(arm, terms, choice, change, square_floor)
 
 
@@ -142,6 +156,8 @@ def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
         return ur_bounds.held_turns(arm, q, flange, turns)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder_bounds.held_turns(arm, q, flange, turns)
+    if arm.family == NUMERIC:
+        return numeric_bounds.held_turns(arm, q, flange, turns)
     return spherical_wrist_bounds.held_turns(arm, q, flange, turns)
 
 
@@ -156,6 +172,8 @@ def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
         ur_bounds.link_motion(arm, turns, shift, spin)
     elif arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder_bounds.link_motion(arm, turns, shift, spin)
+    elif arm.family == NUMERIC:
+        numeric_bounds.link_motion(arm, turns, shift, spin)
     else:
         spherical_wrist_bounds.link_motion(arm, turns, shift, spin)
 
@@ -167,6 +185,8 @@ def grasp_motion(arm: Arm, turns: Turns) -> GraspMotion:
         return ur_bounds.grasp_motion(arm, turns)
     if arm.family == SPHERICAL_SHOULDER:
         return spherical_shoulder_bounds.grasp_motion(arm, turns)
+    if arm.family == NUMERIC:
+        return numeric_bounds.grasp_motion(arm, turns)
     return spherical_wrist_bounds.grasp_motion(arm, turns)
 
 
@@ -178,6 +198,8 @@ def forward_kinematics(q: Array, lengths: Array, family: int = UR) -> Array:
     """
     if family == UR:
         return ur.forward_kinematics(q, lengths)
+    if family == NUMERIC:
+        return numeric.forward_kinematics(q, lengths)
     if family == SPHERICAL_SHOULDER:
         return spherical_shoulder.forward_kinematics(q, lengths)
     return spherical_wrist.forward_kinematics(q, lengths)

@@ -16,12 +16,14 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_flip
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, TURN, Arm, in_window
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, NUMERIC, TURN, Arm, in_window
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import MountedArm, angles_at
+from mlivr_gym.kinematics.numeric_path import follow_numerically
 from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.kinematics.track import Track, begin
 
 FEW, MANY = (cast(int, k) for k in np.array([4, 32]))
 """Numbers of intervals at whose ends joint angles are computed along a path."""
@@ -37,39 +39,11 @@ back between samples passes them by an eighth of that change if its angle is a p
 """
 
 
-class Track(Record):
-    """Joint angles of a limb that are followed along a path."""
-
-    q: Joints
-    """Where they are [rad]; NaN for none yet."""
-    low: Joints
-    """The least so far [rad]."""
-    high: Joints
-    """The largest so far [rad]."""
-    farthest: float
-    """The largest turn of a joint over one interval so far [rad]."""
-    turn: Joints
-    """The turns over the last interval [rad]; NaN for none yet."""
-    bend: float
-    """The largest change of a joint's turn from one interval to the next so far [rad]."""
-    base: Pose
-    """Base in the world."""
-
-
 class Holding(Record):
     """Scratch of the check whether a limb can hold along a path."""
 
     proof: Proof
     track: Track
-
-
-@kernel
-def begin(track: Track) -> None:
-    """Start without joint angles."""
-    for joint in range(6):
-        track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
-        track.turn[joint] = np.nan
-    track.farthest = track.bend = 0.0
 
 
 @kernel
@@ -174,6 +148,22 @@ def _fits(arm: Arm, track: Track, half_turn: float, share: float) -> bool:
 
 
 @kernel
+def _held_numerically(
+    limb: MountedArm, flange: Pose, path: BasePath, floor: float, branch_set: int, track: Track
+) -> int:
+    """Return the branches of `branch_set` on which a limb without a closed form can hold."""
+    for branch in range(BRANCHES):
+        if not has_branch(branch_set, branch):
+            continue
+        begin(track)
+        there = follow_numerically(limb, flange, path, floor, branch, track)
+        for flip in range(2):
+            if not (there and _fits(limb.arm, track, np.pi * flip, 0.0)):
+                branch_set = without_flip(branch_set, branch, flip)
+    return branch_set
+
+
+@kernel
 def held_branches(
     limb: MountedArm, flange: Pose, path: BasePath, floor: float, branch_set: int, scratch: Holding
 ) -> int:
@@ -181,6 +171,8 @@ def held_branches(
 
     The flange is in the world, with flip 0, and `floor` the least `|det J|` [m^3].
     """
+    if limb.arm.family == NUMERIC:
+        return _held_numerically(limb, flange, path, floor, branch_set, scratch.track)
     if branch_set:
         branch_set = certify(limb, flange, path, floor, branch_set, scratch.proof)
     if branch_set:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from mlivr_gym.robot.limb import FAMILIES, LIMB, Limb
+from mlivr_gym.robot.numeric_limb import NUMERIC, NUMERIC_LIMB, NumericLimb
 from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, SphericalWristLimb
 from mlivr_gym.robot.ssrms_limb import SSRMS, SSRMS_LIMB, SsrmsLimb
 from mlivr_gym.schema import Choice, FieldPath, Struct
 
-AnyLimb = Limb | SphericalWristLimb
+AnyLimb = Limb | SphericalWristLimb | NumericLimb
 """A limb of any family; an `SsrmsLimb` is a `Limb`, whose closed form it has."""
 
 LIMB_FAMILIES: dict[str, Struct[AnyLimb]] = {
     FAMILIES[0]: LIMB,  # type: ignore[dict-item]
     FAMILIES[1]: SPHERICAL_WRIST_LIMB,  # type: ignore[dict-item]
     SSRMS: SSRMS_LIMB,  # type: ignore[dict-item]
+    NUMERIC: NUMERIC_LIMB,  # type: ignore[dict-item]
 }
 """Fields of a limb of each family, by the names in robot files."""
 
@@ -23,7 +25,7 @@ class LimbValidator:
 
     def read(self, value: object, place: FieldPath) -> AnyLimb:
         """Return the limb of plain data, or a limb as it is."""
-        if isinstance(value, SphericalWristLimb | SsrmsLimb):
+        if isinstance(value, SphericalWristLimb | SsrmsLimb | NumericLimb):
             return value
         family = FAMILIES[0]
         if isinstance(value, dict) and "family" in value:

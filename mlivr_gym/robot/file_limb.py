@@ -21,6 +21,7 @@ from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apa
 from mlivr_gym.robot.joint_chain import DECIMALS, JointChain, RecognisedArm
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames
+from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
@@ -128,7 +129,7 @@ class FileLimb:
         centres = (*self.dynamics.centres[:5], (x, y, z - shift))
         return replace(
             self,
-            limb=replace(self.limb, d6=self.limb.d6 + shift),
+            limb=self.limb.with_flange_moved(shift),
             chain=self.chain._replace(flange=self.chain.flange @ along),
             capsules=tuple(map(moved, self.capsules)),
             dynamics=replace(self.dynamics, centres=centres),
@@ -189,6 +190,8 @@ def limb_of(
     if arm.held is not None:
         joint, held = arm.held
         notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
+    if isinstance(limb, NumericLimb):
+        notes.append("of no closed form, solved numerically")
     length, gripper_mass = members.tool_length, 0.0
     if not members.gripper:
         length = TOOL_LENGTH if options.tool_length is None else options.tool_length

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -176,6 +177,11 @@ class LimbBase(ABC):
         low, high = self.limits.T
         start = np.clip(self.window_starts, low, np.maximum(low, high - 2.0 * np.pi))
         return np.stack([start, np.minimum(start + 2.0 * np.pi, high)], axis=1)
+
+    def with_flange_moved(self, shift: float) -> Any:
+        """Return the limb with its flange farther out on the last axis [m]."""
+        limb: Any = self
+        return replace(limb, d6=limb.d6 + shift)
 
     def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
         """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""

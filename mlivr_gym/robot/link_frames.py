@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.any_limb import AnyLimb
-from mlivr_gym.robot.limb import LinkQuaternion
+from mlivr_gym.robot.limb import LinkOffset, LinkQuaternion
+
+
+class Links(Protocol):
+    """A chain of links, as a limb of any family is one."""
+
+    @property
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the links, each in that of the link before it, at joint angles of 0."""
 
 
 def axes_of(quaternion: LinkQuaternion) -> Array:
@@ -21,7 +30,7 @@ def axes_of(quaternion: LinkQuaternion) -> Array:
     )
 
 
-def link_frames(limb: AnyLimb, angles: Array) -> Array:
+def link_frames(limb: Links, angles: Array) -> Array:
     """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
 
     Joint angles have shape (..., 6) [rad].

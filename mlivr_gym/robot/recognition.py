@@ -22,6 +22,7 @@ from mlivr_gym.robot.joint_chain import (
     crossing_fault,
     right_angle_fault,
 )
+from mlivr_gym.robot.recognised_numeric import any_six_joints
 from mlivr_gym.robot.recognised_ur import three_parallel
 from mlivr_gym.robot.recognised_wrist import spherical_shoulder, spherical_wrist
 
@@ -55,8 +56,9 @@ RELATIONS: dict[str, Callable[[JointChain, int], bool]] = {
 def recognised(chain: JointChain) -> RecognisedArm:
     """Return an arm in the terms of the first family that it belongs to.
 
-    Raises a `RobotError` if it belongs to none; the message has the reason for each family, the
-    nearest one, and the axes.
+    An arm that is of no family with a closed form, whatever joint of it is held, is solved
+    numerically. Raises a `RobotError` if that cannot be; the message has the reason for each
+    family, the nearest one, and the axes.
     """
     reasons: list[str] = []
     tried: list[tuple[int, int, ArmFamily]] = []
@@ -72,13 +74,19 @@ def recognised(chain: JointChain) -> RecognisedArm:
             return found
         reasons.append(f"{family.name}: {found}")
         tried.append((family.broken(seen), len(tried), family))
+    others = _other_held(chain)
+    if not others:
+        numeric = any_six_joints(chain.moving)
+        if isinstance(numeric, RecognisedArm):
+            return numeric
+        reasons.append(f"solved numerically: {numeric}")
     axes = ", ".join(
         f"{name} {axis_text(axis)}" for name, axis in zip(chain.names, chain.axes, strict=True)
     )
     held = "" if chain.held is None else f" with joint {chain.names[chain.held.joint]!r} held"
     raise RobotError(
         f"the arm of joints {chain.names[0]!r} to {chain.names[-1]!r}{held} is of no supported "
-        f"family ({'; '.join(reasons)}){_other_held(chain) or _nearest(tried)}; "
+        f"family ({'; '.join(reasons)}){others or _nearest(tried)}; "
         f"axes of its joints: {axes}"
     )
 

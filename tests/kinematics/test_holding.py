@@ -28,12 +28,11 @@ from mlivr_gym.kinematics.holding import (
     FEW,
     MANY,
     Holding,
-    Track,
-    begin,
     follow,
     held_branches,
     in_windows,
 )
+from mlivr_gym.kinematics.track import Track, begin
 
 HERE = mounted()
 

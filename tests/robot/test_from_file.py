@@ -125,9 +125,11 @@ def loop(text):
 
 
 def crooked(text):
-    return text.replace(
+    """Of no closed form, with a flange off the last axis, so that it cannot be solved either."""
+    text = text.replace(
         '<axis xyz="0.0 0.0 1.0"/><limit lower="-3.1"', '<axis xyz="0 1 1"/><limit lower="-3.1"'
     )
+    return re.sub(r'(name="fixed".*?xyz=")[^"]*', r"\g<1>0.1 0.1 0.1", text, flags=re.DOTALL)
 
 
 def replaced(old, new):
@@ -147,6 +149,7 @@ def in_millimetres(text):
         (crooked, {}, "; the nearest is 'three parallel axes, as a UR arm', as which 3 of 5"),
         (one_joint, {}, r"'joint1' to 'joint1' .*it has 1 joint, not 6; .*axes of its joints"),
         (crooked, {}, r"axis .* of joint 'joint3' is not parallel to axis .* of joint 'joint2'"),
+        (crooked, {}, r"solved numerically: the flange lies .* off the axis of joint 'joint6'"),
         (loop, {}, "link 'link4' is the child of 2 joints; .* tree"),
         (
             replaced('name="joint4" type="revolute"', 'name="joint4" type="floating"'),

@@ -4,8 +4,9 @@ import numpy as np
 from compiled import called
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.kinematics.arm import Arm, FlangeAxis, set_arm
+from mlivr_gym.kinematics.arm import Arm, FlangeAxis
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
+from mlivr_gym.kinematics.lengths import set_arm
 
 
 def triple(vector):
