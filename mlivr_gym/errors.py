@@ -94,14 +94,8 @@ class TimingError(SettingError):
     def __init__(self, duration: float, binding: str, shortest: float) -> None:
         """Build the message.
 
-        Parameters
-        ----------
-        duration
-            Requested duration of the step [s].
-        binding
-            The limit that is violated, and where.
-        shortest
-            Shortest duration that keeps all limits [s].
+        The requested duration of the step [s] violates the limit that `binding` names, with its
+        place; the shortest duration [s] keeps all limits.
         """
         self.shortest = shortest
         super().__init__(
@@ -134,10 +128,7 @@ class UnknownPointError(StanceError):
 def choice(name: str, value: object, valid: Iterable[str]) -> str:
     """Return `value` if it is one of the valid choices.
 
-    Raises
-    ------
-    SettingError
-        If it is not; the message names the value and the valid choices.
+    Raises a `SettingError` that names the value and the valid choices if it is not.
     """
     options = list(valid)
     if value not in options:

@@ -42,21 +42,9 @@ def check_rules(
 ) -> None:
     """Check that something was made by the present rules of the stance graph.
 
-    Parameters
-    ----------
-    what
-        What was made, the first words of the message.
-    found
-        The number of rules that it carries; None if it carries none, as in version 0.1.0.
-    remedy
-        What the user should do, the last words of the message.
-    error
-        Type of the error.
-
-    Raises
-    ------
-    MlivrError
-        An error of the given type, if the number is not `GRAPH_RULES`.
+    `what` is what was made, the first words of the message, and `found` the number of rules that it
+    carries, None if it carries none, as in version 0.1.0. `remedy` is what the user should do, the
+    last words. Raises an error of the given type if the number is not `GRAPH_RULES`.
     """
     found = 1 if found is None else found
     if found != GRAPH_RULES:
@@ -70,27 +58,6 @@ def check_rules(
 class Settings:
     """Conditions under which a stance is a node and a step is an edge of the stance graph.
 
-    Attributes
-    ----------
-    manipulability
-        Whether stances must meet both thresholds of manipulability. Without them, stances are still
-        excluded by `path_floor` if steps are checked, and always by the span of the robot
-        (`TwoLimbGraph.no_departure`, `TwoLimbGraph.farther_than_span`).
-    transitions
-        Whether a step is an edge only if the support limbs are shown to hold all along it.
-    limb_threshold
-        Threshold of w_m of each limb.
-    base_threshold
-        Threshold of w_b; by default `0.001 (2/N)^3`.
-    path_floor
-        Minimum w_m of a support limb between stances, and of a limb that departs from a point. It
-        applies with and without thresholds, since the proof that a limb stays on its branch needs
-        it.
-    collisions
-        Whether stances and steps must keep the clearance.
-    clearance
-        Minimum distance between any two shapes that are compared [m].
-
     Examples
     --------
     >>> Settings(clearance=0.03).limb_threshold
@@ -98,12 +65,23 @@ class Settings:
     """
 
     manipulability: bool = True
+    """Whether stances must meet both thresholds of manipulability. Without them, stances are still
+    excluded by `path_floor` if steps are checked, and always by the span of the robot
+    (`TwoLimbGraph.no_departure`, `TwoLimbGraph.farther_than_span`)."""
     transitions: bool = True
+    """Whether a step is an edge only if the support limbs are shown to hold all along it."""
     limb_threshold: float = LIMB_THRESHOLD
+    """Threshold of w_m of each limb."""
     base_threshold: float | None = None
+    """Threshold of w_b; by default `0.001 (2/N)^3`."""
     path_floor: float = PATH_FLOOR
+    """Minimum w_m of a support limb between stances, and of a limb that departs from a point. It
+    applies with and without thresholds, since the proof that a limb stays on its branch needs
+    it."""
     collisions: bool = True
+    """Whether stances and steps must keep the clearance."""
     clearance: float = CLEARANCE
+    """Minimum distance between any two shapes that are compared [m]."""
 
     def __post_init__(self) -> None:
         """Check and convert all fields."""

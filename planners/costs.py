@@ -44,15 +44,6 @@ estimate is inflated."""
 class Cost:
     """The cost `base_weight * displacement + step_weight` of one step.
 
-    Attributes
-    ----------
-    name
-        `"base"`, `"steps"` or `"weighted"`.
-    base_weight
-        Weight of the base displacement [1/m].
-    step_weight
-        Charge for each step.
-
     Examples
     --------
     >>> from mlivr_gym.planners import Cost
@@ -61,27 +52,20 @@ class Cost:
     """
 
     name: str = "base"
+    """`"base"`, `"steps"` or `"weighted"`."""
     base_weight: float = 1.0
+    """Weight of the base displacement [1/m]."""
     step_weight: float = 0.0
+    """Charge for each step."""
 
     @classmethod
     @checked(COST_KINDS)
     def named(cls, cost: str, regrasp_price: float | None = None) -> Cost:
         """Return the cost of that name.
 
-        Parameters
-        ----------
-        cost
-            `"base"` for the base displacement [m], `"steps"` for the number of steps, or
-            `"weighted"` for the displacement plus a price for each regrasp [m].
-        regrasp_price
-            Price of a regrasp [m]; only for `"weighted"`.
-
-        Raises
-        ------
-        SettingError
-            If the name is unknown, or if the price is missing, given with another cost, negative or
-            above `HIGHEST_PRICE`.
+        The price of a regrasp [m] is charged by `"weighted"` alone, in addition to the displacement
+        [m]. Raises a `SettingError` if the name is unknown, or if the price is missing, given with
+        another cost, negative or above `HIGHEST_PRICE`.
         """
         if (cost == "weighted") != (regrasp_price is not None):
             raise SettingError(
@@ -108,21 +92,8 @@ class Cost:
         admissible and consistent lower bound. `"paper"` uses the distance `d` to the centre of the
         ball and `d / max_displacement`, which may overestimate.
 
-        Parameters
-        ----------
-        name
-            `"consistent"`, `"paper"` or `"zero"`.
-        distance
-            Distances to the goal [m], any shape.
-        tolerance
-            Radius of the goal region [m].
-        max_displacement
-            Upper bound of the base displacement of one step [m].
-
-        Returns
-        -------
-        Array
-            The estimates, in the unit of the cost, of the shape of `distance`.
+        Distances to the goal [m] and estimates, in the unit of the cost, have the same shape.
+        `max_displacement` is an upper bound of the base displacement of one step [m].
         """
         if name == "zero":
             return np.zeros_like(distance)
@@ -138,17 +109,8 @@ class Cost:
 
         It is no lower bound: it orders a queue of an anytime search and proves nothing.
 
-        Parameters
-        ----------
-        distance
-            Distances to the goal [m], any shape.
-        moves
-            Fewest moves to the goal, of the same shape, if they are known.
-
-        Returns
-        -------
-        Array
-            The estimates, in the unit of the cost, of the shape of `distance`.
+        Distances to the goal [m], fewest moves to it, if they are known, and estimates, in the unit
+        of the cost, have the same shape.
         """
         if moves is None:
             return (

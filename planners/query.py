@@ -70,27 +70,18 @@ graph."""
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal region of the base, and the cost with which it is reached.
-
-    Attributes
-    ----------
-    target
-        Goal position of the base [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
-    cost
-        Cost of a step.
-    face
-        Face of the map on which all limbs hold points at the goal; None for any.
-    on_face
-        Whether each point lies on that face, shape (m,); None if no face is requested.
-    """
+    """A goal region of the base, and the cost with which it is reached."""
 
     target: Array
+    """Goal position of the base [m], shape (3,)."""
     tolerance: float
+    """Radius of the goal region [m]."""
     cost: Cost
+    """Cost of a step."""
     face: str | None = None
+    """Face of the map on which all limbs hold points at the goal; None for any."""
     on_face: BoolArray | None = None
+    """Whether each point lies on that face, shape (m,); None if no face is requested."""
 
     @classmethod
     def from_arguments(
@@ -136,42 +127,29 @@ class Goal:
 
 @dataclass(frozen=True)
 class SearchQuery:
-    """A query of a search: the goal and the search parameters, all defaults resolved.
-
-    Attributes
-    ----------
-    goal
-        Goal region and cost.
-    method
-        One of `METHODS`.
-    heuristic
-        One of `costs.HEURISTICS`.
-    inflation
-        Suboptimality bound w >= 1; infinite if any plan will do.
-    limit
-        Maximum number of expansions.
-    progress
-        Called from time to time with the number of expansions.
-    time_limit
-        Maximum time in which a plan is sought and improved [s].
-    anytime
-        Whether the search is an anytime search of more than two limbs: it finds some plan soon and
-        better ones later, until one is proved within `inflation` or the time is over, see
-        `implicit_search`. Over a node table every search of an optimal plan is one, see
-        `search_stages`.
-    start_time
-        Time at which the query was made, on the clock of `time.perf_counter` [s].
-    """
+    """A query of a search: the goal and the search parameters, all defaults resolved."""
 
     goal: Goal
+    """Goal region and cost."""
     method: str
+    """One of `METHODS`."""
     heuristic: str
+    """One of `costs.HEURISTICS`."""
     inflation: float
+    """Suboptimality bound w >= 1; infinite if any plan will do."""
     limit: int
+    """Maximum number of expansions."""
     progress: Callable[[int], None] | None = None
+    """Called from time to time with the number of expansions."""
     time_limit: float = math.inf
+    """Maximum time in which a plan is sought and improved [s]."""
     anytime: bool = False
+    """Whether the search is an anytime search of more than two limbs: it finds some plan soon and
+    better ones later, until one is proved within `inflation` or the time is over, see
+    `implicit_search`. Over a node table every search of an optimal plan is one, see
+    `search_stages`."""
     start_time: float = field(default_factory=time.perf_counter)
+    """Time at which the query was made, on the clock of `time.perf_counter` [s]."""
 
     @classmethod
     def from_options(

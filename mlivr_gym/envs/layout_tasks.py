@@ -58,12 +58,9 @@ class LayoutTasks:
     ) -> Task:
         """Return a task, and occupy the points of its layout; see `TaskGenerator.draw`.
 
-        Raises
-        ------
-        SettingError
-            If the robot has more than two limbs, or the start has a pose of its own.
-        StanceError
-            If no task is found; the graph then has the occupied points that it had before.
+        Raises a `SettingError` if the robot has more than two limbs, or the start has a pose of its
+        own, and a `StanceError` if no task is found; the graph then has the occupied points that it
+        had before.
         """
         if start is not None and start.pose is not None:
             raise SettingError("tasks='random' starts in the posture of a stance; give no pose")
@@ -127,16 +124,7 @@ def _step_values(tables: StepTables, goal: Array, tolerance: float) -> TableValu
 def fewest_steps(moves: TableMoves, state: State, goal: Array, tolerance: float) -> int:
     """Return the number of steps of an optimal plan, -1 if there is none.
 
-    Parameters
-    ----------
-    moves
-        The steps.
-    state
-        The start.
-    goal
-        Goal position [m], shape (3,).
-    tolerance
-        Radius of the goal region [m].
+    The goal position has shape (3,) [m], and `tolerance` is the radius of the goal region [m].
     """
     if distance(moves.stance_properties(state).base_position, goal.tolist()) <= tolerance:
         return 0

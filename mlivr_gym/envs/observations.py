@@ -139,16 +139,7 @@ class ObservationArrays(NamedTuple):
     ) -> ObservationArrays:
         """Return the observations of k states, in new arrays.
 
-        Parameters
-        ----------
-        table
-            Properties of the stances.
-        stances
-            Stance indices, shape (k,).
-        branch_sets
-            Branch sets of both limbs, shape (k, 2).
-        goals
-            Goal positions [m], shape (k, 3).
+        Stance indices have shape (k,), branch sets of both limbs (k, 2), goal positions (k, 3) [m].
         """
         k, reals = len(stances), np.float32
         made = cls(

@@ -47,24 +47,6 @@ class TaskGenerator(Protocol):
     ) -> Task:
         """Return a task whose goal can be reached from its start.
 
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        rng
-            Source of randomness.
-        tolerance
-            Radius of the goal region [m].
-        start
-            The start, or None to draw it.
-
-        Returns
-        -------
-        Task
-            The start, which is the given one if there is one, and the goal.
-
-        Raises
-        ------
-        StanceError
-            If no task is found.
+        The start is drawn if it is None, otherwise that of the task; `tolerance` is the radius of
+        the goal region [m]. Raises a `StanceError` if no task is found.
         """

@@ -90,10 +90,7 @@ TASKS = Reader(_read_generator)
 def refuse_layouts(tasks: TaskGenerator) -> None:
     """Refuse tasks with layouts of their own where all sub-environments have one layout.
 
-    Raises
-    ------
-    SettingError
-        If they are `LayoutTasks`.
+    Raises a `SettingError` if they are `LayoutTasks`.
     """
     if isinstance(tasks, LayoutTasks):
         raise SettingError(
@@ -116,21 +113,8 @@ FIXED_NUMBER = Integer(0, MAX_FIXED_TASKS - 1)
 def fixed_task(generator: TaskGenerator, graph: StanceGraph, number: int, tolerance: float) -> Task:
     """Return the fixed task of a number, the same in every process, from seeds kept for evaluation.
 
-    Parameters
-    ----------
-    generator
-        The generator that draws it.
-    graph
-        The stance graph.
-    number
-        Number of the task, a `FIXED_NUMBER`.
-    tolerance
-        Radius of the goal region [m].
-
-    Raises
-    ------
-    MlivrError
-        If no task is found.
+    The number is a `FIXED_NUMBER`, and the tolerance the radius of the goal region [m]. Raises an
+    `MlivrError` if no task is found.
     """
     return draw_task(generator, graph, Stream.of_seed(FIRST_FIXED_SEED + number), tolerance)
 
@@ -154,10 +138,8 @@ def draw_task(
     A user's generator draws from `numpy.random.default_rng(stream.state)`. The next state of the
     stream is then an integer below 2^63 from the same source.
 
-    Raises
-    ------
-    MlivrError
-        If no task is found, the start cannot be held, or the goal lies outside the cabin.
+    Raises an `MlivrError` if no task is found, the start cannot be held, or the goal lies outside
+    the cabin.
     """
     if isinstance(generator, WalkTasks):
         return generator.draw(graph, stream, tolerance, start)
@@ -183,23 +165,8 @@ def sample_task(
 ) -> Task:
     """Return a random start, and a goal to which a walk of valid steps leads; see `WalkTasks`.
 
-    Parameters
-    ----------
-    graph
-        The stance graph.
-    rng
-        Source of randomness.
-    min_distance
-        Distance from the start within which a goal is drawn again [m].
-    start
-        The start, or None to draw it.
-    far
-        See `WalkTasks`.
-
-    Raises
-    ------
-    StanceError
-        If no task is found.
+    Within `min_distance` [m] from the start a goal is drawn again; the start is drawn if it is
+    None. Raises a `StanceError` if no task is found.
     """
     grasp_map = graph.grasp_map
     axis, middle = longest_axis(grasp_map)

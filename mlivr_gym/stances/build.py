@@ -30,25 +30,12 @@ def stance_graph(
 ) -> TwoLimbGraph | ImplicitGraph:
     """Return the stance graph of a robot on a map.
 
-    Parameters
-    ----------
-    grasp_map
-        Name of a map that ships, path of a JSON or CSV file, map, or plain data; by default the
-        measured JEM.
-    robot
-        Name, path of a JSON, URDF or MJCF file, plain data, or description.
-    settings
-        Thresholds and switches; by default those of the paper, with steps checked.
+    The map is the name of one that ships, the path of a JSON or CSV file, a map, or plain data, by
+    default the measured JEM; the robot is a name, the path of a JSON, URDF or MJCF file, plain
+    data, or a description. The settings are by default those of the paper, with steps checked. For
+    two limbs the graph has all stances; for more limbs nodes are computed on demand. Raises an
+    `MlivrError` if the map or the robot is faulty, or the robot cannot hold any stance on the map.
 
-    Returns
-    -------
-    TwoLimbGraph | ImplicitGraph
-        The graph: for two limbs with all stances, for more limbs with nodes computed on demand.
-
-    Raises
-    ------
-    MlivrError
-        If the map or the robot is faulty, or the robot cannot hold any stance on the map.
 
     Examples
     --------

@@ -95,17 +95,8 @@ class NodeTable(NamedTuple):
     def find(self, stances: IntArray, robot: RobotSpec) -> tuple[IntArray, IntArray]:
         """Find the rows of stances, and the relabellings that lead to the nodes of the table.
 
-        Parameters
-        ----------
-        stances
-            Point indices, shape (k, N).
-        robot
-            The robot of the graph.
-
-        Returns
-        -------
-        tuple[IntArray, IntArray]
-            Rows, -1 for a stance that is no node, and cyclic relabellings, each of shape (k,).
+        Stances have shape (k, N). The rows, -1 for a stance that is no node, and the cyclic
+        relabellings have shape (k,) each.
         """
         relabellings = np.zeros(len(stances), dtype=np.int64)
         if is_symmetric_after_relabelling(robot):

@@ -109,20 +109,9 @@ class ChangingWorld(ABC):
 
         Only what is within reach of them is computed again, on demand. Stances keep their postures.
 
-        Parameters
-        ----------
-        boxes
-            The boxes, in the world.
-        replaced
-            Ids of boxes that were added before and are removed in the same change.
-
-        Raises
-        ------
-        ShapeError
-            If the map or another obstacle has a box of the same id, or no obstacle has an id in
-            `replaced`.
-        SettingError
-            If collisions are not checked.
+        Boxes of the ids `replaced`, which were added before, are removed in the same change. Raises
+        a `ShapeError` if the map or another obstacle has a box of the same id, or no obstacle has
+        an id in `replaced`, and a `SettingError` if collisions are not checked.
         """
         if boxes and not self.settings.collisions:
             raise SettingError(
@@ -141,15 +130,7 @@ class ChangingWorld(ABC):
     def remove_obstacles(self, ids: Sequence[str] | None = None) -> None:
         """Remove boxes that were added, by default all.
 
-        Parameters
-        ----------
-        ids
-            Ids of the boxes.
-
-        Raises
-        ------
-        ShapeError
-            If no obstacle has an id.
+        Raises a `ShapeError` if no obstacle has an id.
         """
         kept = () if ids is None else self._without(ids)
         self._set_obstacles(kept, self.occupied)

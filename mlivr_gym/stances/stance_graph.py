@@ -89,10 +89,8 @@ class StanceGraph(CheckedSteps):
     def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
         """Return the point indices of a stance given by ids or indices.
 
-        Raises
-        ------
-        StanceError
-            If the number of points, an id, or the distance of two points is not valid.
+        Raises a `StanceError` if the number of points, an id, or the distance of two points is not
+        valid.
         """
         named = STANCE.read(stance, FieldPath("stance", StanceError))
         if len(named) != self.limbs:
@@ -111,12 +109,8 @@ class StanceGraph(CheckedSteps):
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, shape (k, N), feasible or not.
 
-        Stances that touch an obstacle or hold an occupied point cannot be held.
-
-        Raises
-        ------
-        StanceError
-            If they are not rows of N point indices.
+        Stances that touch an obstacle or hold an occupied point cannot be held. Raises a
+        `StanceError` if they are not rows of N point indices.
         """
         rows = self.rows_of_points(stances)
         return self.among_obstacles(rows, self.solver.solve(rows))
@@ -144,12 +138,8 @@ class StanceGraph(CheckedSteps):
     def check(self, state: State) -> None:
         """Check that a state is one of this map.
 
-        Raises
-        ------
-        StanceError
-            If its stance or branch sets are not numbers of points and branches.
-        SettingError
-            If its base pose is not valid.
+        Raises a `StanceError` if its stance or branch sets are not numbers of points and branches,
+        and a `SettingError` if its base pose is not valid.
         """
         check_state(state, self.limbs, len(self.grasp_map))
         if state.pose is not None:
@@ -205,16 +195,8 @@ class StanceGraph(CheckedSteps):
     ) -> Postures:
         """Return postures at given base poses, among obstacles and occupied points.
 
-        Parameters
-        ----------
-        stances
-            Point index of each limb, shape (k, N).
-        positions
-            Base positions in the world [m], shape (k, 3).
-        rotations
-            Base rotations in the world, shape (k, 3, 3).
-        thresholds
-            Thresholds of `w_m` and `w_b`.
+        Stances have shape (k, N), base positions in the world shape (k, 3) [m], base rotations
+        shape (k, 3, 3); the thresholds are those of `w_m` and `w_b`.
         """
         postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
         return self.among_obstacles(stances, postures)
@@ -222,23 +204,11 @@ class StanceGraph(CheckedSteps):
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """Return the state of a robot that holds a stance.
 
-        Parameters
-        ----------
-        stance
-            Point id (or index) of each limb.
-        pose
-            Base pose, if it is not that of the stance's posture: x, y, z [m] and quaternion
-            w, x, y, z. The thresholds do not apply to it; the robot must reach its points, touch
-            nothing and be able to depart.
-        joints
-            Joint angles, shape (N, 6) [rad], if the branch of each limb is given.
-
-        Raises
-        ------
-        StanceError
-            If the stance cannot be held; the message has the reason.
-        SettingError
-            If the pose or the joint angles are not valid numbers.
+        The base pose is x, y, z [m] and quaternion w, x, y, z, if it is not that of the stance's
+        posture. The thresholds do not apply to it; the robot must reach its points, touch nothing
+        and be able to depart. Joint angles have shape (N, 6) [rad], if the branch of each limb is
+        given. Raises a `StanceError` if the stance cannot be held; the message has the reason, and
+        a `SettingError` if the pose or the joint angles are not valid numbers.
         """
         points = self.indices(stance)
         here = None if pose is None else given_pose(pose)
@@ -255,10 +225,7 @@ class StanceGraph(CheckedSteps):
     def validated_state(self, state: State) -> State:
         """Check that a state of a user is one of this graph, and return it.
 
-        Raises
-        ------
-        StanceError
-            If it is not; the message has the reason.
+        Raises a `StanceError` with the reason if it is not.
         """
         self.check(state)
         known = self.state(state.stance, state.pose)
@@ -304,11 +271,8 @@ class StanceGraph(CheckedSteps):
     def configuration(self, state: State) -> tuple[Array, Array, Array]:
         """Return a configuration of a state, each limb on its first branch and flip.
 
-        Returns
-        -------
-        tuple[Array, Array, Array]
-            Base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in their
-            windows [rad], shape (N, 6).
+        These are base position [m], shape (3,), base quaternion w, x, y, z, and joint angles in
+        their windows [rad], shape (N, 6).
         """
         posture = self.posture_of(state)
         bits = posture.branch
@@ -320,14 +284,7 @@ class StanceGraph(CheckedSteps):
     def joints(self, stances: IntArray, postures: Postures, bits: IntArray) -> Array:
         """Return the joint angles of k stances, in their windows, shape (k, N, 6) [rad].
 
-        Parameters
-        ----------
-        stances
-            Point index of each limb, shape (k, N).
-        postures
-            Their postures.
-        bits
-            Branch and flip of each limb, `branch + 8 * flip`, shape (k, N).
+        Stances have shape (k, N), as have branch and flip of each limb, `branch + 8 * flip`.
         """
         out, grasps = Angles.rows(*stances.shape), self.solver.grasps[stances]
         held_angles(self.checks.robots, postures.base_rows, grasps, bits, out)
@@ -337,14 +294,8 @@ class StanceGraph(CheckedSteps):
     def state_after(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """Return the state after a step, None if no such step leaves the state.
 
-        Parameters
-        ----------
-        state
-            The state before the step.
-        after
-            Point index of each limb after the step.
-        posture
-            Postures of the two stances, in this order.
+        `after` has the point index of each limb after the step, and `posture` the postures of the
+        two stances, in this order.
         """
         stance = tuple(after)
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))

@@ -34,22 +34,15 @@ million."""
 
 @dataclass(frozen=True)
 class StanceSets:
-    """Sets of points that may be held at once.
-
-    Attributes
-    ----------
-    points
-        Points of each set, ascending, the sets in the order of their codes, shape (n, N).
-    support_sets
-        Number of the support set that remains of each set without one of its points: sets with
-        a common support set are one step apart; shape (n, N).
-    support_set_count
-        Number of support sets.
-    """
+    """Sets of points that may be held at once."""
 
     points: NDArray[np.uint16]
+    """Points of each set, ascending, the sets in the order of their codes, shape (n, N)."""
     support_sets: NDArray[np.int32]
+    """Number of the support set that remains of each set without one of its points: sets with a
+    common support set are one step apart; shape (n, N)."""
     support_set_count: int
+    """Number of support sets."""
 
     def __len__(self) -> int:
         """Return the number of sets."""

@@ -56,24 +56,12 @@ def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | N
     and the branches that each step keeps at most. A build that was stopped continues where it was.
     If the table cannot be stored, a warning says so, and the graph has its table all the same.
 
-    Parameters
-    ----------
-    graph
-        The stance graph, without obstacles and occupied points.
-    progress
-        Called with the finished share of the work, from 0 to 1.
+    The graph has no obstacles and no occupied points. `progress` is called with the finished share
+    of the work, from 0 to 1. Returned is the file of the table in the cache folder or the package;
+    None if it is not stored. Raises a `SettingError` if there are obstacles or occupied points, and
+    a `TableError` if robots with this number of limbs have no table, or the map has too many
+    points.
 
-    Returns
-    -------
-    Path | None
-        The file of the table in the cache folder or the package; None if it is not stored.
-
-    Raises
-    ------
-    SettingError
-        If there are obstacles or occupied points.
-    TableError
-        If robots with this number of limbs have no table, or the map has too many points.
 
     Examples
     --------
@@ -101,10 +89,7 @@ def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | N
 def write_built(graph: TableGraph, path: Path) -> None:
     """Write the table of a graph, which has been built, to a file that can be passed on.
 
-    Raises
-    ------
-    FileError
-        If the file cannot be written.
+    Raises a `FileError` if the file cannot be written.
     """
     table = graph.file_contents() if isinstance(graph, TwoLimbGraph) else graph.table
     files_of(graph).write(graph, table, path)

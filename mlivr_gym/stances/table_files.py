@@ -144,10 +144,7 @@ class TableFiles(Generic[Table]):
     def read(self, graph: StanceGraph, path: Path) -> Table:
         """Return the table in a file.
 
-        Raises
-        ------
-        TableError
-            If the file is damaged, or of another graph or format.
+        Raises a `TableError` if the file is damaged, or of another graph or format.
         """
         try:
             if self.mapped and path == self.cached(graph):
@@ -163,10 +160,7 @@ class TableFiles(Generic[Table]):
     def write(self, graph: StanceGraph, table: Table, path: Path) -> None:
         """Write a compressed file.
 
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Raises a `FileError` if the file cannot be written.
         """
         write_whole(path, pack_arrays(graph, self.encode(graph, table), self.compression))
 

@@ -54,21 +54,6 @@ def scene_name(kind: str, name: str) -> str:
 class Box:
     """A solid box.
 
-    Attributes
-    ----------
-    id
-        Name.
-    kind
-        One of `KINDS`.
-    centre
-        Middle in the world [m].
-    half
-        Half edges along the box's axes [m].
-    rotation
-        Rows of the rotation from the box's axes to the world's.
-    face
-        Cabin face that it belongs to, for pictures.
-
     Examples
     --------
     >>> Box.between("bag", "obstacle", (3.0, -0.5, -1.0), (4.0, 0.5, 0.0)).centre
@@ -76,11 +61,17 @@ class Box:
     """
 
     id: str
+    """Name."""
     kind: str
+    """One of `KINDS`."""
     centre: Triple
+    """Middle in the world [m]."""
     half: Triple
+    """Half edges along the box's axes [m]."""
     rotation: tuple[Triple, Triple, Triple] = UNIT
+    """Rows of the rotation from the box's axes to the world's."""
     face: str = ""
+    """Cabin face that it belongs to, for pictures."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -141,10 +132,7 @@ class Box:
         Fields: `id`, and `min` and `max` or `centre` and `half`; `kind`, `rotation`, `face` if
         wanted.
 
-        Raises
-        ------
-        ShapeError
-            If a field is missing, unknown or faulty.
+        Raises a `ShapeError` if a field is missing, unknown or faulty.
         """
         return Boxes(kind).box(data, FieldPath("", ShapeError))
 
@@ -188,15 +176,10 @@ CORNERS = Fields(
 
 @dataclass(frozen=True)
 class Boxes:
-    """A list of boxes as plain data, each with an id of its own.
-
-    Attributes
-    ----------
-    kind
-        What they are where the data do not say.
-    """
+    """A list of boxes as plain data, each with an id of its own."""
 
     kind: str = "obstacle"
+    """What they are where the data do not say."""
 
     def read(self, value: object, place: FieldPath) -> tuple[Box, ...]:
         """Return the boxes."""
@@ -226,10 +209,8 @@ def load_obstacles(path: str | Path) -> tuple[tuple[Box, ...], tuple[str, ...]]:
 
     It holds `{"boxes": [...], "occupied": [...]}`; see `Box.from_dict`.
 
-    Raises
-    ------
-    ShapeError
-        If the file cannot be read or an entry is faulty; it names file and entry.
+    Raises a `ShapeError` that names file and entry if the file cannot be read or an entry is
+    faulty.
     """
     data = load(
         path, "obstacles", ShapeError, lambda data: OBSTACLES.read(data, FieldPath("", ShapeError))

@@ -47,28 +47,6 @@ from mlivr_gym.world.rails import Handrail, Segment
 class GraspMap(EqualByData):
     """Graspable points and the surroundings they belong to.
 
-    Attributes
-    ----------
-    ids
-        m point ids, for example `"D4a:3"`.
-    positions
-        Points in the map's frame, which is the world [m], shape (m, 3).
-    rotations
-        Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail,
-        y, and z the outward surface normal.
-    faces
-        Name of the face that each point lies on, m of them.
-    cabin
-        Lower and upper corner of the space a base may be in [m], shape (2, 3).
-    name
-        Short name of the map.
-    segments
-        Rails that the points lie on.
-    handrails
-        Handrails.
-    boxes
-        Structure around the points: tracks, handrails, racks and walls.
-
     Examples
     --------
     >>> grasp_map = jem_map()
@@ -78,14 +56,24 @@ class GraspMap(EqualByData):
     """
 
     ids: tuple[str, ...]
+    """m point ids, for example `"D4a:3"`."""
     positions: Array
+    """Points in the map's frame, which is the world [m], shape (m, 3)."""
     rotations: Array
+    """Axes of the points in that frame, shape (m, 3, 3); columns are x along the rail, y, and z the
+    outward surface normal."""
     faces: tuple[str, ...]
+    """Name of the face that each point lies on, m of them."""
     cabin: Array
+    """Lower and upper corner of the space a base may be in [m], shape (2, 3)."""
     name: str = "map"
+    """Short name of the map."""
     segments: tuple[Segment, ...] = ()
+    """Rails that the points lie on."""
     handrails: tuple[Handrail, ...] = ()
+    """Handrails."""
     boxes: tuple[Box, ...] = ()
+    """Structure around the points: tracks, handrails, racks and walls."""
 
     def __post_init__(self) -> None:
         """Check shapes and values, and freeze the arrays."""
@@ -117,10 +105,7 @@ class GraspMap(EqualByData):
     def index(self, point: str | int) -> int:
         """Return the index of a point given by id, or by index, which is checked.
 
-        Raises
-        ------
-        UnknownPointError
-            If there is no such point.
+        Raises an `UnknownPointError` if there is no such point.
         """
         if isinstance(point, str):
             if point in self._index:
@@ -147,15 +132,8 @@ class GraspMap(EqualByData):
     ) -> GraspMap:
         """Draw half of the points, rounded down, as in Case 4 of the paper.
 
-        Parameters
-        ----------
-        seed
-            Seed of the draw.
-        keep
-            Ids that stay in any case (the start stance).
-        clear_deck
-            Range of x [m] in which no deck point is kept but those of `keep`; other points are
-            kept in their place, if there are enough.
+        The ids in `keep` stay in any case (the start stance). In the range `clear_deck` of x [m] no
+        deck point is kept but those; other points are kept in their place, if there are enough.
         """
         last = np.zeros(len(self), dtype=np.int64)
         if clear_deck is not None:
@@ -173,10 +151,7 @@ class GraspMap(EqualByData):
     def check_goal(self, goal: Any) -> Array:
         """Return `goal` as an array of shape (3,) [m].
 
-        Raises
-        ------
-        GoalError
-            If it is not three finite numbers inside the cabin.
+        Raises a `GoalError` if it is not three finite numbers inside the cabin.
         """
         array, (low, high) = GOAL.read(goal, FieldPath("goal", GoalError)), self.cabin
         if (array < low).any() or (array > high).any():
@@ -213,24 +188,10 @@ class GraspMap(EqualByData):
     ) -> GraspMap:
         """Read a map from a JSON file, see `from_dict` for its fields, or from a CSV table.
 
-        Parameters
-        ----------
-        path
-            The file.
-        spacing
-            Overrides the file's spacing [m].
-        clearance
-            Overrides the file's clearance [m].
-        unit
-            Unit of the lengths in the file, `"m"` or `"mm"`, if it does not name one.
-
-        Raises
-        ------
-        MapError
-            If the file cannot be read, an entry is faulty, which is named, or an argument would
-            be of no effect.
-        SettingError
-            If another argument is faulty.
+        Spacing and clearance [m] override those of the file; `unit` is that of the lengths in the
+        file, `"m"` or `"mm"`, if it does not name one. Raises a `MapError` if the file cannot be
+        read, an entry is faulty, which is named, or an argument would be of no effect, and a
+        `SettingError` if another argument is faulty.
         """
         given, file = overrides(spacing, clearance, unit), _file(path)
         if file.suffix.lower() == ".csv":
@@ -245,18 +206,9 @@ class GraspMap(EqualByData):
 
         Position, outward surface normal and direction of the rail; a column `face` may follow.
 
-        Parameters
-        ----------
-        path
-            The file.
-        surroundings
-            Other fields of a map file, such as `cabin`, `boxes` and `mesh`; `unit` is also that
-            of the table.
-
-        Raises
-        ------
-        MapError
-            If the file cannot be read or a row is faulty, with its line; or if points are given.
+        The surroundings are other fields of a map file, such as `cabin`, `boxes` and `mesh`; `unit`
+        is also that of the table. Raises a `MapError` if the file cannot be read or a row is
+        faulty, with its line; or if points are given.
         """
         path = _file(path)
         points = read_points(path, surroundings)
@@ -271,22 +223,11 @@ class GraspMap(EqualByData):
 
         Boxes cover the surface; they exceed it by at most `mesh_boxes.largest_excess(resolution)`.
 
-        Parameters
-        ----------
-        path
-            A glTF, OBJ, STL or PLY file; needs the extra `mesh`.
-        scale
-            Metres per unit of the mesh, 0.001 for one in millimetres.
-        resolution
-            Edge of the cubes that cover the surface in the unit of the map, by default 0.05 m.
-        entries
-            Other fields of a map file, such as `segments`, the rails that carry points, and `unit`,
-            the unit of all lengths but those in the mesh.
-
-        Raises
-        ------
-        MapError
-            If the mesh cannot be read or covered, or an entry is faulty.
+        The file is glTF, OBJ, STL or PLY, and needs the extra `mesh`; `scale` is metres per unit of
+        the mesh, 0.001 for one in millimetres. `resolution` is the edge of the cubes in the unit of
+        the map, by default 0.05 m. Entries are other fields of a map file, such as `segments`, the
+        rails that carry points, and `unit`, the unit of all lengths but those in the mesh. Raises a
+        `MapError` if the mesh cannot be read or covered, or an entry is faulty.
         """
         file, finer = _file(path), {} if resolution is None else {"resolution": resolution}
         mesh = {"file": str(file), "scale": scale} | finer
@@ -295,10 +236,7 @@ class GraspMap(EqualByData):
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.
 
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Raises a `FileError` if the file cannot be written.
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
@@ -316,24 +254,10 @@ class GraspMap(EqualByData):
         its width, is closer to a handrail on the same face than the clearance are left out. Data
         with a field `ids` are those of `to_dict`, in which nothing is left out.
 
-        Parameters
-        ----------
-        data
-            The parsed JSON object.
-        spacing
-            Overrides the file's spacing [m].
-        clearance
-            Overrides the file's clearance [m].
-        name
-            Used when the data names none.
-
-        Raises
-        ------
-        MapError
-            If the data are faulty; the message names the field. Also if spacing or clearance are
-            given for data of `to_dict`.
-        SettingError
-            If spacing or clearance are.
+        Spacing and clearance [m] override those of the data; `name` is used when the data name
+        none. Raises a `MapError` that names the field if the data are faulty, or if spacing or
+        clearance are given for data of `to_dict`, and a `SettingError` if spacing or clearance are
+        faulty.
         """
         given = overrides(spacing, clearance)
         return FieldPath("", MapError).build(cls._made, data, given, name, Path())
@@ -368,10 +292,9 @@ def as_map(given: Any, place: FieldPath = _PLACE) -> GraspMap:
 
     A name is one of `PLACES`.
 
-    Raises
-    ------
-    MlivrError
-        If the name is unknown, the file or the data are faulty, or it is none of these.
+    Raises an `MlivrError` if the name is unknown, the file or the data are faulty, or it is none of
+    these.
+
 
     Examples
     --------

@@ -59,22 +59,11 @@ def mesh_boxes(
 ) -> tuple[Box, ...]:
     """Return boxes that cover the surface of a mesh.
 
-    Parameters
-    ----------
-    path
-        A glTF, OBJ, STL or PLY file; needs the extra `mesh`.
-    resolution
-        Edge of the cubes of which the boxes consist [m]; see `largest_excess`.
-    scale
-        Metres per unit of the file, 0.001 for one in millimetres.
-    name
-        First part of the ids of the boxes, by default the name of the file.
-
-    Raises
-    ------
-    MapError
-        If an argument is faulty, or the file cannot be read, holds no triangle, is larger than a
-        map may be, or needs more cubes or boxes than are allowed.
+    The file is glTF, OBJ, STL or PLY, and needs the extra `mesh`; `scale` is metres per unit of the
+    file, 0.001 for one in millimetres. The boxes consist of cubes with edges of `resolution` [m],
+    see `largest_excess`; their ids begin with `name`, by default that of the file. Raises a
+    `MapError` if an argument is faulty, or the file cannot be read, holds no triangle, is larger
+    than a map may be, or needs more cubes or boxes than are allowed.
     """
     corners = _triangles(path) * scale
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
