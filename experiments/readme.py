@@ -26,7 +26,7 @@ import disturbances
 import dynamic_report
 import format_tables
 import limb_starts
-import numeric_arms
+import numeric_solutions
 import places
 import planning_report
 import point_clouds
@@ -207,7 +207,7 @@ def parts(results: Path) -> dict[str, str]:
         "point_clouds": point_clouds.markdown(data("point_clouds")),
         "public_arms": public_arms.markdown(data("public_arms")),
         "ssik_arms": ssik_arms.markdown(data("ssik_arms")),
-        "numeric_arms": numeric_arms.markdown(data("numeric_arms")),
+        "numeric_solutions": numeric_solutions.markdown(data("numeric_solutions")),
         "limb_starts": limb_starts.markdown(data("limb_starts")),
         "places": station_places.places(),
         "place_sizes": places.markdown(data("places")),

@@ -208,18 +208,20 @@ class NumericLimb(LimbBase):
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper.
 
-        Each begins where it is clear of the end of the link before the last one; a link that is too
-        short for that has none.
+        Each begins where it is clear of the end of the link before the last one, and that of link 4
+        ends where it is clear of the flange; a link that is too short for that has none.
         """
         radius, here, d6 = THICKNESS * self.arm_length, (0.0, 0.0, 0.0), self.d6
         x, y, z = self.origins[0]
         out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
         apart, before = 2.0 * radius + GAP, np.inf
         for link, place in zip(LINKS[1:5], self.origins[1:5], strict=True):
-            size = float(np.linalg.norm(place))
+            size = max(float(np.linalg.norm(place)), MIN_SIZE)
             start = 0.0 if before > apart else apart
-            if start < size or link == "upper_arm":
-                out.append(Capsule(link, _share(start / max(size, MIN_SIZE), place), place, radius))
+            stop = size - apart if link == "wrist_1" else size
+            if start < stop or link == "upper_arm":
+                ends = _share(start / size, place), _share(stop / size, place)
+                out.append(Capsule(link, *ends, radius))
             before = size
         slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
         end = -float(np.copysign(slim, d6))

@@ -1,6 +1,6 @@
 """Arms without a closed form: which of their solutions are found, how fast, and how they plan.
 
-    python experiments/numeric_arms.py [--out results] [--poses 100] [--workers 2]
+    python experiments/numeric_solutions.py [--out results] [--poses 100] [--workers 2]
 
 The arms are those of ssik, which solves any six joints; they are written as MJCF files and read as
 two limbs of a robot with simple capsules along the links. A solution counts as regular if `w_m` is
@@ -8,7 +8,7 @@ at least that of a step's path, 0.03, at the characteristic length of the robot;
 ones that ssik finds, those are counted that a branch here is. Stances and plans are on the JEM with
 the default settings: fewest steps between four drawn pairs of stances, the first of them
 with everything that the first plan of a process needs but machine code. Times are processor time.
-Writes `numeric_arms.json`, whose table `readme.py` shows in the docs.
+Writes `numeric_solutions.json`, whose table `readme.py` shows in the docs.
 """
 
 from __future__ import annotations
@@ -96,8 +96,8 @@ def planned(task: int, arm: str) -> dict[str, Any]:
 
 def measured(poses: int, workers: int) -> dict[str, Any]:
     """Return what is measured of all arms."""
-    rows = study_rows("numeric_arms:solved", 1, workers, arm=list(ARMS), poses=[poses])
-    plans = study_rows("numeric_arms:planned", 1, workers, arm=list(ARMS))
+    rows = study_rows("numeric_solutions:solved", 1, workers, arm=list(ARMS), poses=[poses])
+    plans = study_rows("numeric_solutions:planned", 1, workers, arm=list(ARMS))
     out = {row["arm"]: dict(row) for row in rows}
     for row in plans:
         out[row["arm"]] |= row
@@ -120,4 +120,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("numeric_arms", __doc__, measured, poses=100, workers=CORES)
+    experiment("numeric_solutions", __doc__, measured, poses=100, workers=CORES)
