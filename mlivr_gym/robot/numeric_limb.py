@@ -49,8 +49,8 @@ a link and the next but one are apart where the link between is straight [m]."""
 class NumericLimb(LimbBase):
     """An arm of six joints that is solved numerically, see `kinematics.numeric`.
 
-    Each joint turns about the z axis of its link's frame. Solving takes about 50 times as long as a
-    closed form, and so does the first plan: prefer another family where one fits.
+    Each joint turns about the z axis of its link's frame. A pose takes longer than with a closed
+    form, and so does the first plan on a map: prefer another family where one fits.
 
     Attributes
     ----------
