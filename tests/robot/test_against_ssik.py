@@ -1,6 +1,7 @@
 """Arms as ssik describes them, whose solutions it finds without the closed forms, against ours."""
 
 import pytest
+from numeric_solutions import solved
 from ssik_arms import ARMS, Manipulator, compared, eaik_family
 
 EXACT = ("Franka Research 3, joint 6", "KUKA LBR iiwa 7, joint 3", "KUKA KR 210", "Dobot CR5")
@@ -24,3 +25,12 @@ def test_eaik_does_not_solve_them(name):
     """A reason to ask ssik; the deviation is that of the file."""
     _, arm, held = ARMS[name]
     assert eaik_family(Manipulator.from_prebuilt(arm), held) is None
+
+
+@pytest.mark.parametrize("name", ["UFactory xArm 6", "Kinova Gen3 lite"])
+def test_arms_without_a_closed_form_have_the_regular_solutions_of_ssik(name):
+    """All but a few, which share a name with another one."""
+    row = solved(1, name, 12)
+    assert row["family"] == "numeric"
+    assert row["regular"] > 30
+    assert row["found"] >= 0.95 * row["regular"]
