@@ -162,6 +162,14 @@ def are_changes_bounded(ends: IntervalAngles, placed: Placed) -> bool:
 
 
 @kernel
+def split_angles(first: IntervalAngles, second: IntervalAngles, placed: Placed) -> None:
+    """Set the joint angles at the ends of both halves, from those of the whole in `first`."""
+    for k in range(6):
+        second.first[k], second.last[k] = placed.q[k], first.last[k]
+        first.last[k] = placed.q[k]
+
+
+@kernel
 def bound_links(arm: Arm, placed: Placed) -> None:
     """Bound the displacements of anchors and rotations of links by the joint rotations."""
     link_motion(arm, placed.turns, placed.anchor_travel, placed.link_turn)

@@ -52,6 +52,7 @@ from mlivr_gym.collisions.placement import (
     bound_links,
     place_by_angles,
     place_in_world,
+    split_angles,
 )
 from mlivr_gym.compiled.bit_sets import EVERY, below, has, only
 from mlivr_gym.compiled.kernels import kernel, part
@@ -150,6 +151,11 @@ def sweep(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: SweepScra
             result = UNDECIDED
             if scratch.first.is_bounded:
                 result = _compare(robot, grid, clearance, (travel, turn), interval, scratch)
+            elif interval.limbs and motion.meeting:
+                # Where the other limb is in the middle, the halves of the interval have to know.
+                other = scratch.second.q
+                if not set_joints(robot, motion.second, interval.middle, scratch, other):
+                    return UNDECIDED
             if result > UNDECIDED:
                 return result
             if result == UNDECIDED:
@@ -388,13 +394,5 @@ def _halve(top: int, scratch: SweepScratch) -> None:
     first.middle, first.half = first.middle - half, half
     second.boxes, second.itself = first.boxes, first.itself
     second.body, second.limbs = first.body, first.limbs
-    _split_angles(first.first, second.first, scratch.first)
-    _split_angles(first.second, second.second, scratch.second)
-
-
-@kernel
-def _split_angles(first: IntervalAngles, second: IntervalAngles, placed: Placed) -> None:
-    """Set the joint angles at the ends of both halves, from those of the whole in `first`."""
-    for k in range(6):
-        second.first[k], second.last[k] = placed.q[k], first.last[k]
-        first.last[k] = placed.q[k]
+    split_angles(first.first, second.first, scratch.first)
+    split_angles(first.second, second.second, scratch.second)
