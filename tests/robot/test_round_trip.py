@@ -6,10 +6,11 @@ from itertools import permutations
 import numpy as np
 import pytest
 from map_data import few_of_a_wall
+from numeric_arms import frames_of as numeric_frames
 from robot_texts import FRANKA, GEN3, one_arm, written
 from unequal_robots import unequal
 
-from mlivr_gym import RobotSpec, Settings, robot_spec
+from mlivr_gym import NumericLimb, RobotSpec, Settings, robot_spec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.specification import ROBOTS
@@ -112,6 +113,13 @@ def test_a_robot_from_a_file_of_its_own_has_the_tables_that_ship(tmp_path, kind,
 def test_a_robot_is_the_same_whichever_joint_is_held(tmp_path, joint, limbs):
     """Files have the six joints that move, with the base at the first of them."""
     robot = held(joint, ANGLES[joint], limbs)
+    assert_written_and_read(robot, tmp_path, few_of_a_wall(20))
+
+
+def test_a_robot_of_arms_without_a_closed_form_is_the_same(tmp_path):
+    path = written(tmp_path, one_arm(frames=numeric_frames("xarm6")))
+    robot = RobotSpec.from_urdf(path, capsules="ur5e")
+    assert isinstance(robot.limb, NumericLimb)
     assert_written_and_read(robot, tmp_path, few_of_a_wall(20))
 
 
