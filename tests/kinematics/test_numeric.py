@@ -187,7 +187,7 @@ def test_links_and_anchors_move_no_farther_than_bounded(name):
             assert np.linalg.norm((b[link] - a[link])[:3] @ [*place, 1.0]) <= travel + 1e-9
 
 
-def stepped(name, path, branch, count=150):
+def stepped(name, path, branch, count=90):
     """Least `|det J|` along a path in small steps, extents of joints, and whether it arrives.
 
     It is followed by Newton's method with Pinocchio's Jacobian from the branch at the start.
@@ -222,10 +222,12 @@ def path_near(name, seed, kind):
     return path_between(ends, kind, GRIP)
 
 
-@pytest.mark.parametrize(("name", "kind"), [*((name, STRAIGHT) for name in LIMBS), ("jaco2", ARC)])
+@pytest.mark.parametrize(
+    ("name", "kind"), [("xarm6", STRAIGHT), ("crx10", STRAIGHT), ("jaco2", ARC)]
+)
 def test_a_limb_holds_where_small_steps_arrive_on_its_branch(name, kind):
     limb, floor, seen = LIMBS[name], 2e-3, [0, 0, 0]
-    for seed in range(8):
+    for seed in range(5):
         path = path_near(name, seed, kind)
         held = called(held_branches)(
             mounted(limb), FLANGE, path, floor, EVERY_BRANCH, Holding.row()
