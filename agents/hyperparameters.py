@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
@@ -39,35 +39,35 @@ actor-critic acts after the first round (Ross et al., 2011). `"ppo"` is PPO with
 class ImitationHyperparameters:
     """Hyperparameters of imitation learning."""
 
-    rounds: int = 6
+    rounds: Annotated[int, COUNT] = 6
     """Number of rounds; in each one data are gathered and then learned from."""
-    dagger: bool = True
+    dagger: Annotated[bool, Flag()] = True
     """Whether the actor-critic acts in the rollouts after the first round (DAgger); otherwise the
     expert acts in all rounds (behaviour cloning). The samples of all rounds are kept in both."""
-    layouts: int = 9
+    layouts: Annotated[int, COUNT] = 9
     """Number of layouts in a round; a layout is a subset of the points of the map."""
-    goals: int = 12
+    goals: Annotated[int, COUNT] = 12
     """Number of goals that are drawn on each layout; held-out ones are left out."""
-    rollouts: int = 40
+    rollouts: Annotated[int, COUNT] = 40
     """Number of rollouts to each goal."""
-    max_rollout_steps: int = 20
+    max_rollout_steps: Annotated[int, COUNT] = 20
     """Number of steps after which a rollout ends without having reached its goal."""
-    most_removed: float = 0.6
+    most_removed: Annotated[float, SHARE] = 0.6
     """Maximum share of the points that a layout lacks; every third layout has all points."""
-    noise: float = 0.05
+    noise: Annotated[float, SHARE] = 0.05
     """Probability of a random action in a rollout, among those after which the goal can still be
     reached."""
-    updates: int = 400
+    updates: Annotated[int, COUNT] = 400
     """Number of gradient steps in a round."""
-    batch: int = 256
+    batch: Annotated[int, COUNT] = 256
     """Number of states in a minibatch, of which each gradient step takes one."""
-    learning_rate: float = 2e-3
+    learning_rate: Annotated[float, WEIGHT] = 2e-3
     """Initial learning rate of Adam, which a cosine lowers to a tenth."""
-    averaging: float = 0.997
+    averaging: Annotated[float, SHARE] = 0.997
     """Decay of the exponential moving average of the weights, which is the final policy."""
-    value_weight: float = 0.02
+    value_weight: Annotated[float, WEIGHT] = 0.02
     """Weight of the squared error of the value in the loss."""
-    discount: float = 0.99
+    discount: Annotated[float, SHARE] = 0.99
     """Discount per step of the return that the value head learns, for the reward `"steps"`; for
     `"base"` this return is undiscounted. The optimal actions do not depend on it."""
 
@@ -87,16 +87,7 @@ SHARE = Tuples((), 0.0, 1.0)
 WEIGHT = Tuples((), 0.0)
 """Validator of a number that is at least 0."""
 
-IMITATION = Struct(
-    ImitationHyperparameters,
-    {
-        **dict.fromkeys(("rounds", "layouts", "goals", "updates", "batch"), COUNT),
-        **dict.fromkeys(("rollouts", "max_rollout_steps"), COUNT),
-        **dict.fromkeys(("most_removed", "noise", "averaging", "discount"), SHARE),
-        **dict.fromkeys(("learning_rate", "value_weight"), Tuples((), 0.0)),
-        "dagger": Flag(),
-    },
-)
+IMITATION = Struct.of(ImitationHyperparameters)
 """Validator of each field of `ImitationHyperparameters`."""
 
 SIZES = Fields(

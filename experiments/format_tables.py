@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
 from reports import table
@@ -136,14 +138,13 @@ def _numbers(schema: dict[str, Any], shape: Sequence[str]) -> str:
 
 def attributes(made: type) -> dict[str, str]:
     """Return the descriptions of a class's attributes from its docstrings."""
-    text = inspect.cleandoc(made.__doc__ or "").partition("Attributes\n----------\n")[2]
-    found = re.findall(r"^(\w+)\n((?:    .*\n?)+)", text, re.MULTILINE)
-    meanings = {name: " ".join(meaning.split()) for name, meaning in found}
-    for name, meaning in re.findall(
-        r"^    (\w+): .*\n    \"\"\"((?:.|\n)*?)\"\"\"", inspect.getsource(made), re.MULTILINE
-    ):
-        meanings.setdefault(name, " ".join(meaning.split()))
-    return meanings
+    source = ast.parse(inspect.getsource(made)).body[0]
+    assert isinstance(source, ast.ClassDef)
+    return {
+        ast.unparse(field.target): inspect.cleandoc(ast.literal_eval(text.value)).replace("\n", " ")
+        for field, text in pairwise(source.body)
+        if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr)
+    }
 
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:

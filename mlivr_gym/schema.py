@@ -21,7 +21,16 @@ import difflib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from functools import cached_property
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import (
+    Annotated,
+    Any,
+    Generic,
+    NamedTuple,
+    Protocol,
+    TypeVar,
+    get_origin,
+    get_type_hints,
+)
 
 import numpy as np
 
@@ -301,6 +310,13 @@ class Struct(Generic[T]):
     """Validator of each field."""
     complete: bool = False
     """Whether fields that have a default value must be given too."""
+
+    @classmethod
+    def of(cls, made: type[T], *, complete: bool = False) -> Struct[T]:
+        """Return the schema of a dataclass whose fields are `Annotated` with their validators."""
+        kinds = get_type_hints(made, include_extras=True)
+        annotated = {name: kind for name, kind in kinds.items() if get_origin(kind) is Annotated}
+        return cls(made, {name: kind.__metadata__[0] for name, kind in annotated.items()}, complete)
 
     @cached_property
     def fields(self) -> Fields:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from mlivr_gym.errors import MlivrError, SettingError, shortened
 from mlivr_gym.schema import FieldPath, Flag, OrNone, Struct, Tuples
@@ -64,23 +65,23 @@ class Settings:
     0.1
     """
 
-    manipulability: bool = True
+    manipulability: Annotated[bool, Flag()] = True
     """Whether stances must meet both thresholds of manipulability. Without them, stances are still
     excluded by `path_floor` if steps are checked, and always by the span of the robot
     (`TwoLimbGraph.no_departure`, `TwoLimbGraph.farther_than_span`)."""
-    transitions: bool = True
+    transitions: Annotated[bool, Flag()] = True
     """Whether a step is an edge only if the support limbs are shown to hold all along it."""
-    limb_threshold: float = LIMB_THRESHOLD
+    limb_threshold: Annotated[float, THRESHOLD] = LIMB_THRESHOLD
     """Threshold of w_m of each limb."""
-    base_threshold: float | None = None
+    base_threshold: Annotated[float | None, OrNone(THRESHOLD)] = None
     """Threshold of w_b; by default `0.001 (2/N)^3`."""
-    path_floor: float = PATH_FLOOR
+    path_floor: Annotated[float, THRESHOLD] = PATH_FLOOR
     """Minimum w_m of a support limb between stances, and of a limb that departs from a point. It
     applies with and without thresholds, since the proof that a limb stays on its branch needs
     it."""
-    collisions: bool = True
+    collisions: Annotated[bool, Flag()] = True
     """Whether stances and steps must keep the clearance."""
-    clearance: float = CLEARANCE
+    clearance: Annotated[float, Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")] = CLEARANCE
     """Minimum distance between any two shapes that are compared [m]."""
 
     def __post_init__(self) -> None:
@@ -101,16 +102,5 @@ class Settings:
 THRESHOLD = Tuples((), 0.0)
 """Validator of a threshold of manipulability."""
 
-SETTINGS = Struct(
-    Settings,
-    {
-        "manipulability": Flag(),
-        "transitions": Flag(),
-        "limb_threshold": THRESHOLD,
-        "base_threshold": OrNone(THRESHOLD),
-        "path_floor": THRESHOLD,
-        "collisions": Flag(),
-        "clearance": Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"),
-    },
-)
+SETTINGS = Struct.of(Settings)
 """Validator of each field of `Settings`."""

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pytest
@@ -137,8 +138,8 @@ def test_an_unknown_field_is_refused_with_the_nearest_known_name():
 
 @dataclass(frozen=True)
 class Rail:
-    id: str
-    width: float = 0.1
+    id: Annotated[str, NAME]
+    width: Annotated[float, Tuples()] = 0.1
     name: str = ""
 
     def __post_init__(self):
@@ -147,7 +148,7 @@ class Rail:
             raise ShapeError("too wide")
 
 
-RAIL = Struct(Rail, {"id": NAME, "width": Tuples()})
+RAIL = Struct.of(Rail)
 
 
 def test_a_record_is_made_of_its_fields_and_checks_itself():
@@ -166,6 +167,6 @@ def test_a_record_is_made_of_its_fields_and_checks_itself():
 
 
 def test_a_complete_record_has_no_defaults():
-    whole = Struct(Rail, RAIL.validators, complete=True)
+    whole = Struct.of(Rail, complete=True)
     assert refusal(whole, {"id": "R"}) == "walk.width is missing"
     assert whole.read({"id": "R", "width": 0.2}, HERE) == Rail("R", 0.2)

@@ -100,10 +100,7 @@ class ClosedLoopEnv(MlivrEnv):
     ) -> None:
         """Build the environment; `tasks` and `options` are arguments of `MlivrEnv`.
 
-        Raises
-        ------
-        MlivrError
-            If an argument cannot be used: tasks cannot have layouts.
+        Raises a `MlivrError` if an argument cannot be used: tasks cannot have layouts.
         """
         if options.setdefault("dynamics", "mujoco") != "mujoco":
             raise SettingError(
@@ -135,13 +132,9 @@ class ClosedLoopEnv(MlivrEnv):
     def record(self) -> ClosedLoopRecord:
         """What happened in the episode so far, as in a walk of the closed loop.
 
-        It has the events and the largest force, and after a failure its reason; fields that are
-        set at the end of a walk have their defaults.
-
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset.
+        It has the events and the largest force, and after a failure its reason; fields that are set
+        at the end of a walk have their defaults. Raises a `gymnasium.error.ResetNeeded` before the
+        first reset.
         """
         return self._sensing.record
 
@@ -216,12 +209,9 @@ class ClosedLoopEnv(MlivrEnv):
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Attempt a step, or relax; see `MlivrEnv.step`.
 
-        Raises
-        ------
-        gymnasium.error.ResetNeeded
-            Before the first reset, and after the end of the episode by a failure or a stop.
-        MlivrError
-            If sensing fails. The robot then holds all its points.
+        Raises a `gymnasium.error.ResetNeeded` before the first reset, and after the end of the
+        episode by a failure or a stop, and a `MlivrError` if sensing fails. The robot then holds
+        all its points.
         """
         belief = self._sensing.belief
         if self._is_stopped or self._simulation_info.get("failure"):

@@ -32,17 +32,6 @@ READ: Validators = {
 class Plan(EqualByData):
     """A sequence of K stances with the committed steps between them.
 
-    Attributes
-    ----------
-    query
-        The query that the plan answers.
-    world
-        The map, obstacles, robot and settings for which the plan was made.
-    motion
-        Stances, steps and configurations.
-    statistics
-        Cost of the plan, and the effort of the search.
-
     Examples
     --------
     >>> from mlivr_gym import stance_graph
@@ -56,9 +45,13 @@ class Plan(EqualByData):
     """
 
     query: Query
+    """The query that the plan answers."""
     world: World
+    """The map, obstacles, robot and settings for which the plan was made."""
     motion: Motion
+    """Stances, steps and configurations."""
     statistics: Statistics
+    """Cost of the plan, and the effort of the search."""
 
     def __repr__(self) -> str:
         """Return the robot, the map, both end stances, the number of steps and the translation."""
@@ -115,11 +108,8 @@ class Plan(EqualByData):
     def configuration(self, k: int) -> tuple[Array, Array, Array]:
         """Return the configuration of the robot in stance `k`.
 
-        Returns
-        -------
-        tuple[Array, Array, Array]
-            Base position in the world, shape (3,) [m]; base orientation w, x, y, z, shape (4,);
-            joint angles, shape (N, 6) [rad].
+        It is the base position in the world, shape (3,) [m]; base orientation w, x, y, z, shape
+        (4,); and joint angles, shape (N, 6) [rad].
         """
         motion = self.motion
         return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
@@ -131,15 +121,7 @@ class Plan(EqualByData):
     def save(self, path: str | Path) -> None:
         """Write the plan as JSON; the file is replaced as a whole or not at all.
 
-        Parameters
-        ----------
-        path
-            Name of the file.
-
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Raises a `FileError` if the file cannot be written.
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
@@ -148,19 +130,10 @@ class Plan(EqualByData):
     def from_dict(cls, data: Any, grasp_map: GraspMap | None = None) -> Plan:
         """Build a plan from plain data, and check it by recomputing what follows from other fields.
 
-        Parameters
-        ----------
-        data
-            The parsed JSON.
-        grasp_map
-            The map on which the plan must have been made. If it is given, the whole motion is
-            recomputed and compared; if not, only displacements, cost, goal and checksum are.
-
-        Raises
-        ------
-        PlanError
-            If a field is missing or invalid, if the plan belongs to another map or to another
-            version of the graph rules, or if a value differs from the recomputed one.
+        If the map is given, on which the plan must have been made, the whole motion is recomputed
+        and compared; if not, only displacements, cost, goal and checksum are. Raises a `PlanError`
+        if a field is missing or invalid, if the plan belongs to another map or to another version
+        of the graph rules, or if a value differs from the recomputed one.
         """
         plan = cls(*read_parts(data))
         if grasp_map is not None:
@@ -178,10 +151,7 @@ class Plan(EqualByData):
     def check_map(self, grasp_map: GraspMap) -> None:
         """Check that the plan was made on the given map.
 
-        Raises
-        ------
-        PlanError
-            If the map has another fingerprint, or lacks a point of the plan.
+        Raises a `PlanError` if the map has another fingerprint, or lacks a point of the plan.
         """
         world = self.world
         if world.map_fingerprint != grasp_map.fingerprint:
@@ -200,16 +170,7 @@ class Plan(EqualByData):
     def load(cls, path: str | Path, grasp_map: GraspMap | None = None) -> Plan:
         """Read a plan from a JSON file, with the checks of `from_dict`.
 
-        Parameters
-        ----------
-        path
-            Name of the file.
-        grasp_map
-            The map on which the plan must have been made; see `from_dict`.
-
-        Raises
-        ------
-        PlanError
-            If the file cannot be read, or does not hold a valid plan for this map.
+        The map is that on which the plan must have been made. Raises a `PlanError` if the file
+        cannot be read, or does not hold a valid plan for this map.
         """
         return load(path, "plan", PlanError, lambda data: cls.from_dict(data, grasp_map))

@@ -12,7 +12,6 @@ from mlivr_gym.errors import PlanError, shortened
 from mlivr_gym.files import checksum
 from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.plan_parts import (
-    COSTS,
     SWING_KINDS,
     Motion,
     Query,
@@ -21,7 +20,6 @@ from mlivr_gym.motion.plan_parts import (
     World,
 )
 from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.schema import (
     NAME,
     Anything,
@@ -31,13 +29,11 @@ from mlivr_gym.schema import (
     Integer,
     ListOf,
     Numbers,
-    OrNone,
     Struct,
     Tuples,
 )
-from mlivr_gym.settings import GRAPH_RULES, SETTINGS, check_rules
-from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, MAX_POINTS
-from mlivr_gym.world.boxes import Boxes
+from mlivr_gym.settings import GRAPH_RULES, check_rules
+from mlivr_gym.values import MAX_LENGTH, MAX_PARTS
 
 FORMAT = 5
 """Version of the file format."""
@@ -55,54 +51,13 @@ MAX_STANCES = 10_000
 """Upper bound of the stances of a plan that is read; a walk through the JEM and back has about
 twenty."""
 
-COUNT = Integer(0, 1 << 62)
-"""Validator of a number of states."""
-
-NON_NEGATIVE = Tuples((), 0.0)
-"""Validator of a cost, or of a time [s]."""
-
-QUERY = Struct(
-    Query,
-    {
-        "goal": Tuples((3,), most=MAX_LENGTH, unit="m"),
-        "goal_tolerance": Tuples((), 0.0),
-        "cost_name": Choice(COSTS),
-        "regrasp_price": OrNone(NON_NEGATIVE),
-        "method": NAME,
-        "heuristic": NAME,
-        "goal_face": OrNone(NAME),
-    },
-    complete=True,
-)
+QUERY = Struct.of(Query, complete=True)
 """Schema of the fields of a `Query`."""
 
-WORLD = Struct(
-    World,
-    {
-        "map_name": NAME,
-        "map_fingerprint": NAME,
-        "obstacles": Boxes(),
-        "occupied": ListOf(NAME, most=MAX_POINTS),
-        "robot": ROBOT,
-        "settings": SETTINGS,
-    },
-    complete=True,
-)
+WORLD = Struct.of(World, complete=True)
 """Schema of the fields of a `World`."""
 
-STATISTICS = Struct(
-    Statistics,
-    {
-        "cost": NON_NEGATIVE,
-        "expanded": COUNT,
-        "generated": COUNT,
-        "backward": COUNT,
-        "bound": OrNone(Tuples((), 1.0)),
-        "feasibility_time": NON_NEGATIVE,
-        "search_time": NON_NEGATIVE,
-    },
-    complete=True,
-)
+STATISTICS = Struct.of(Statistics, complete=True)
 """Schema of the fields of `Statistics`."""
 
 PLAN_FILE = Fields(

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
+from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.settings import Settings
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.robot.specification import ROBOT, RobotSpec
+from mlivr_gym.schema import NAME, Choice, Integer, ListOf, OrNone, Tuples
+from mlivr_gym.settings import SETTINGS, Settings
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS
+from mlivr_gym.world.boxes import Box, Boxes
 
 if TYPE_CHECKING:
     from mlivr_gym.stances.stance_graph import StanceGraph
@@ -21,78 +24,57 @@ COSTS = ("base", "steps", "weighted")
 SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
 """Names of the kinds of swings; `"unchecked"` is one of a plan without collision checks."""
 
+COUNT = Integer(0, 1 << 62)
+"""Validator of a number of states."""
+
 
 @dataclass(frozen=True)
 class Step:
-    """One regrasp, with the base path that goes with it.
-
-    Attributes
-    ----------
-    limb
-        Index of the limb that moves.
-    from_point
-        Id of the point that it releases.
-    to_point
-        Id of the point that it grasps.
-    path
-        Kind of the base path: `"straight"`, `"arc"`, or `"unchecked"` if the plan was made
-        without checks of the steps.
-    pivot
-        Centre of the arc in the world: the centroid of the points that the support limbs
-        hold [m].
-    displacement
-        Base displacement [m].
-    swing
-        Kind of the swing, one of `mlivr_gym.motion.plan_parts.SWING_KINDS`.
-    knots
-        Knots of the swing, from above the point that the limb releases to above the point
-        that it grasps: base parameter from 0 to 1 and the six joint angles of the limb [rad].
-        Both change linearly between two knots.
-    rounded
-        Fractions of the lines before and after each knot that its rounded corner replaces, see
-        `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops.
-    """
+    """One regrasp, with the base path that goes with it."""
 
     limb: int
+    """Index of the limb that moves."""
     from_point: str
+    """Id of the point that it releases."""
     to_point: str
+    """Id of the point that it grasps."""
     path: str
+    """Kind of the base path: `"straight"`, `"arc"`, or `"unchecked"` if the plan was made without
+    checks of the steps."""
     pivot: tuple[float, float, float]
+    """Centre of the arc in the world: the centroid of the points that the support limbs hold
+    [m]."""
     displacement: float
+    """Base displacement [m]."""
     swing: str = "unchecked"
+    """Kind of the swing, one of `mlivr_gym.motion.plan_parts.SWING_KINDS`."""
     knots: tuple[tuple[float, ...], ...] = ()
+    """Knots of the swing, from above the point that the limb releases to above the point that it
+    grasps: base parameter from 0 to 1 and the six joint angles of the limb [rad]. Both change
+    linearly between two knots."""
     rounded: tuple[tuple[float, ...], ...] = ()
+    """Fractions of the lines before and after each knot that its rounded corner replaces, see
+    `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops."""
 
 
 @dataclass(frozen=True)
 class Query:
-    """The query that a plan answers.
+    """The query that a plan answers."""
 
-    Attributes
-    ----------
-    goal
-        Goal position of the base in the world [m].
-    goal_tolerance
-        Radius of the goal region [m].
-    cost_name
-        Name of the cost, one of `COSTS`.
-    regrasp_price
-        Price of a regrasp [m] if the cost is `"weighted"`, otherwise None.
-    method
-        Name of the search method.
-    heuristic
-        Name of the heuristic, as requested; see `Planner.plan` for when another one is used.
-    goal_face
-        Face of the map on which all limbs hold points at the goal; None for any face.
-    """
-
-    goal: tuple[float, float, float]
-    goal_tolerance: float
-    cost_name: str
-    regrasp_price: float | None
-    method: str
-    heuristic: str
-    goal_face: str | None = None
+    goal: Annotated[tuple[float, float, float], Tuples((3,), most=MAX_LENGTH, unit="m")]
+    """Goal position of the base in the world [m]."""
+    goal_tolerance: Annotated[float, NOT_NEGATIVE]
+    """Radius of the goal region [m]."""
+    cost_name: Annotated[str, Choice(COSTS)]
+    """Name of the cost, one of `COSTS`."""
+    regrasp_price: Annotated[float | None, OrNone(NOT_NEGATIVE)]
+    """Price of a regrasp [m] if the cost is `"weighted"`, otherwise None."""
+    method: Annotated[str, NAME]
+    """Name of the search method."""
+    heuristic: Annotated[str, NAME]
+    """Name of the heuristic, as requested; see `Planner.plan` for when another one is used."""
+    goal_face: Annotated[str | None, OrNone(NAME)] = None
+    """Face of the map on which all limbs hold points at the goal; None for any face."""
 
     def cost_of(self, positions: Array) -> float:
         """Return the cost of a sequence of base positions, shape (K, 3) [m]."""
@@ -103,30 +85,20 @@ class Query:
 
 @dataclass(frozen=True)
 class World:
-    """The map, obstacles, robot and settings for which a plan was made.
+    """The map, obstacles, robot and settings for which a plan was made."""
 
-    Attributes
-    ----------
-    map_name
-        Name of the map.
-    map_fingerprint
-        Hash of the points and boxes of the map.
-    obstacles
-        Boxes in addition to those of the map.
-    occupied
-        Ids of the occupied points, which no limb may grasp.
-    robot
-        Description of the robot.
-    settings
-        Thresholds and switches of the stance graph.
-    """
-
-    map_name: str
-    map_fingerprint: str
-    obstacles: tuple[Box, ...] = ()
-    occupied: tuple[str, ...] = ()
-    robot: RobotSpec = field(default_factory=RobotSpec)
-    settings: Settings = field(default_factory=Settings)
+    map_name: Annotated[str, NAME]
+    """Name of the map."""
+    map_fingerprint: Annotated[str, NAME]
+    """Hash of the points and boxes of the map."""
+    obstacles: Annotated[tuple[Box, ...], Boxes()] = ()
+    """Boxes in addition to those of the map."""
+    occupied: Annotated[tuple[str, ...], ListOf(NAME, most=MAX_POINTS)] = ()
+    """Ids of the occupied points, which no limb may grasp."""
+    robot: Annotated[RobotSpec, ROBOT] = field(default_factory=RobotSpec)
+    """Description of the robot."""
+    settings: Annotated[Settings, SETTINGS] = field(default_factory=Settings)
+    """Thresholds and switches of the stance graph."""
 
     @classmethod
     def of(cls, graph: StanceGraph) -> World:
@@ -140,36 +112,24 @@ class World:
 
 @dataclass(frozen=True, repr=False)
 class Motion:
-    """K stances, the steps between them, and the configuration in each stance.
-
-    Attributes
-    ----------
-    stances
-        Ids of the points that the limbs hold, K tuples of N.
-    steps
-        The K - 1 committed steps.
-    base_positions
-        Base positions in the world, shape (K, 3) [m].
-    base_quaternions
-        Base orientations in the world w, x, y, z, shape (K, 4).
-    joint_positions
-        Joint angles, shape (K, N, 6) [rad]; a limb keeps branch and winding while it holds.
-    branches
-        Inverse-kinematics branch of each limb, shape (K, N).
-    w_m
-        Limb manipulability, shape (K, N).
-    w_b
-        Base manipulability, shape (K,).
-    """
+    """K stances, the steps between them, and the configuration in each stance."""
 
     stances: tuple[tuple[str, ...], ...]
+    """Ids of the points that the limbs hold, K tuples of N."""
     steps: tuple[Step, ...]
+    """The K - 1 committed steps."""
     base_positions: Array
+    """Base positions in the world, shape (K, 3) [m]."""
     base_quaternions: Array
+    """Base orientations in the world w, x, y, z, shape (K, 4)."""
     joint_positions: Array
+    """Joint angles, shape (K, N, 6) [rad]; a limb keeps branch and winding while it holds."""
     branches: IntArray
+    """Inverse-kinematics branch of each limb, shape (K, N)."""
     w_m: Array
+    """Limb manipulability, shape (K, N)."""
     w_b: Array
+    """Base manipulability, shape (K,)."""
 
     def __repr__(self) -> str:
         """Return the number of stances and limbs in one line."""
@@ -178,31 +138,20 @@ class Motion:
 
 @dataclass(frozen=True)
 class Statistics:
-    """Cost of a plan, and the effort of the search that returned it.
+    """Cost of a plan, and the effort of the search that returned it."""
 
-    Attributes
-    ----------
-    cost
-        Cost of the plan ([m] or number of steps).
-    expanded
-        Number of states that the search expanded.
-    generated
-        Number of states that the search put into its open queue.
-    feasibility_time
-        Time spent on checking the start state [s].
-    search_time
-        Time spent on the search and on step checks [s].
-    backward
-        Number of nodes that backward searches settled to compute the lower bounds.
-    bound
-        Factor of the optimal cost within which the cost is proved to lie, 1 for an optimal
-        plan; None if nothing is proved.
-    """
-
-    cost: float
-    expanded: int
-    generated: int
-    feasibility_time: float = 0.0
-    search_time: float = 0.0
-    backward: int = 0
-    bound: float | None = None
+    cost: Annotated[float, NOT_NEGATIVE]
+    """Cost of the plan ([m] or number of steps)."""
+    expanded: Annotated[int, COUNT]
+    """Number of states that the search expanded."""
+    generated: Annotated[int, COUNT]
+    """Number of states that the search put into its open queue."""
+    feasibility_time: Annotated[float, NOT_NEGATIVE] = 0.0
+    """Time spent on checking the start state [s]."""
+    search_time: Annotated[float, NOT_NEGATIVE] = 0.0
+    """Time spent on the search and on step checks [s]."""
+    backward: Annotated[int, COUNT] = 0
+    """Number of nodes that backward searches settled to compute the lower bounds."""
+    bound: Annotated[float | None, OrNone(Tuples((), 1.0))] = None
+    """Factor of the optimal cost within which the cost is proved to lie, 1 for an optimal plan;
+    None if nothing is proved."""

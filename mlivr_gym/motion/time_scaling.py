@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import scipy
@@ -24,16 +25,11 @@ MAX_DURATION = 3600.0
 
 
 def quintic(duration: float) -> scipy.interpolate.PPoly:
-    """Return the quintic time scaling of a duration.
+    """Return the quintic time scaling of a duration [s].
 
     `sigma(t) = 10 r^3 - 15 r^4 + 6 r^5` with `r = t / duration` is the polynomial of lowest degree
     from 0 to 1 with zero velocity and acceleration at both ends, and the minimum-jerk one (Flash
     and Hogan, Journal of Neuroscience 5, 1985); the paper uses it for all motions.
-
-    Parameters
-    ----------
-    duration
-        Duration of the segment [s].
 
     Examples
     --------
@@ -64,24 +60,18 @@ def stretch(scaling: scipy.interpolate.PPoly, factor: float) -> scipy.interpolat
 class Durations:
     """Durations of the three phases of a step; by default those of the paper.
 
-    Attributes
-    ----------
-    departure
-        Duration of the departure along the surface normal [s].
-    swing
-        Duration of the swing, during which the base moves [s].
-    approach
-        Duration of the approach along the surface normal [s].
-
     Examples
     --------
     >>> Durations().total
     50.0
     """
 
-    departure: float = 10.0
-    swing: float = 30.0
-    approach: float = 10.0
+    departure: Annotated[float, DURATION] = 10.0
+    """Duration of the departure along the surface normal [s]."""
+    swing: Annotated[float, DURATION] = 30.0
+    """Duration of the swing, during which the base moves [s]."""
+    approach: Annotated[float, DURATION] = 10.0
+    """Duration of the approach along the surface normal [s]."""
 
     def __post_init__(self) -> None:
         """Check that each duration is positive and that their sum is at most `MAX_DURATION`."""
@@ -117,5 +107,5 @@ class Durations:
 DURATION = Tuples((), 1e-9, MAX_DURATION, "s")
 """Validator of a duration [s]."""
 
-DURATIONS = Struct(Durations, dict.fromkeys(("departure", "swing", "approach"), DURATION))
+DURATIONS = Struct.of(Durations)
 """Schema of the fields of `Durations`."""

@@ -51,49 +51,33 @@ class TimedPath(NamedTuple):
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Configurations, velocities and accelerations at k times, for one step or several.
-
-    Attributes
-    ----------
-    times
-        Times on a regular grid, shape (k,) [s].
-    step
-        Index of the step, shape (k,).
-    phase
-        Index into `regrasp.PHASES`, shape (k,).
-    joint_positions
-        Joint angles, shape (k, N, 6) [rad].
-    joint_velocities
-        Joint velocities, shape (k, N, 6) [rad/s].
-    joint_accelerations
-        Joint accelerations, shape (k, N, 6) [rad/s^2].
-    base_positions
-        Base positions in the world, shape (k, 3) [m].
-    base_quaternions
-        Base orientations in the world w, x, y, z, shape (k, 4).
-    base_velocities
-        Linear velocity of the base in the world frame and angular velocity in the body frame,
-        shape (k, 6) [m/s, rad/s].
-    base_accelerations
-        Derivatives of the base velocities, shape (k, 6) [m/s^2, rad/s^2].
-    grasps
-        Point index that each limb holds, or `FREE`, shape (k, N).
-    point_ids
-        Ids of all points of the map.
-    """
+    """Configurations, velocities and accelerations at k times, for one step or several."""
 
     times: Array
+    """Times on a regular grid, shape (k,) [s]."""
     step: IntArray
+    """Index of the step, shape (k,)."""
     phase: IntArray
+    """Index into `regrasp.PHASES`, shape (k,)."""
     joint_positions: Array
+    """Joint angles, shape (k, N, 6) [rad]."""
     joint_velocities: Array
+    """Joint velocities, shape (k, N, 6) [rad/s]."""
     joint_accelerations: Array
+    """Joint accelerations, shape (k, N, 6) [rad/s^2]."""
     base_positions: Array
+    """Base positions in the world, shape (k, 3) [m]."""
     base_quaternions: Array
+    """Base orientations in the world w, x, y, z, shape (k, 4)."""
     base_velocities: Array
+    """Linear velocity of the base in the world frame and angular velocity in the body frame, shape
+    (k, 6) [m/s, rad/s]."""
     base_accelerations: Array
+    """Derivatives of the base velocities, shape (k, 6) [m/s^2, rad/s^2]."""
     grasps: IntArray
+    """Point index that each limb holds, or `FREE`, shape (k, N)."""
     point_ids: tuple[str, ...]
+    """Ids of all points of the map."""
 
     @property
     def period(self) -> float:
@@ -129,23 +113,11 @@ class Trajectory:
     def turned_back(self, first: int, slowness: int, duration: float) -> Trajectory | None:
         """Return the motion that follows this trajectory to a sample, turns and goes back.
 
-        From `first` on, the rate at which this trajectory is followed falls smoothly from 1 to that
-        of `backwards` within `duration`. Samples are interpolated, and from there on phases are
-        exchanged, as there.
-
-        Parameters
-        ----------
-        first
-            Index of the sample at which the motion starts to slow down.
-        slowness
-            Time of the way back relative to that of the way to this sample.
-        duration
-            Time in which the motion turns [s].
-
-        Returns
-        -------
-        Trajectory | None
-            The motion; None if this trajectory would end, or be back, before it has turned.
+        From the index `first` of a sample on, the rate at which this trajectory is followed falls
+        smoothly from 1 to that of `backwards` within `duration` [s]. Samples are interpolated, and
+        from there on phases are exchanged, as there. The way back takes `slowness` times as long as
+        that to the sample. The result is None if this trajectory would end, or be back, before the
+        motion has turned.
         """
         n, change = max(round(duration / self.period), 1), 1.0 + 1.0 / slowness
         t = np.arange(n + 1) / n
@@ -211,24 +183,14 @@ MOTION = (
 def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
     """Compute the trajectory of one step.
 
-    By the chain rule the velocity is `q' sigma_dot` and the acceleration
-    `q' sigma_ddot + q'' sigma_dot^2`, with the derivatives q', q'' of the path segment and those of
-    its time scaling sigma(t).
+    By the chain rule the velocity is `q' sigma_dot` and the acceleration `q' sigma_ddot + q''
+    sigma_dot^2`, with the derivatives q', q'' of the path segment and those of its time scaling
+    sigma(t). The step is slowed down by less than one `period`, the spacing of the time grid [s],
+    so that it takes a whole number of periods.
 
-    Parameters
-    ----------
-    timed
-        The step with its time scalings.
-    period
-        Spacing of the time grid [s]. The step is slowed down by less than one period, so that
-        it takes a whole number of periods.
-
-    Raises
-    ------
-    PlanError
-        If a support limb cannot follow the base, or a joint would leave its limits.
-    SettingError
-        If the period is not positive, exceeds the step, or gives too many samples.
+    Raises a `PlanError` if a support limb cannot follow the base, or a joint would leave its
+    limits, and a `SettingError` if the period is not positive, exceeds the step, or gives too many
+    samples.
     """
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):

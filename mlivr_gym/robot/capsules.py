@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
@@ -16,27 +17,20 @@ LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wris
 class Capsule:
     """A capsule fixed to a link of a limb.
 
-    Attributes
-    ----------
-    link
-        One of `LINKS`; the gripper's frame is that of the flange, z towards the grasp.
-    start
-        One end of the axis in the link's frame, that of the manufacturer's description [m].
-    end
-        The other end [m].
-    radius
-        Radius [m].
-
     Examples
     --------
     >>> Capsule("forearm", (0.0, 0.0, 0.0), (0.2, 0.0, 0.0), 0.05).radius
     0.05
     """
 
-    link: str
-    start: Triple
-    end: Triple
-    radius: float
+    link: Annotated[str, Choice(LINKS)]
+    """One of `LINKS`; the gripper's frame is that of the flange, z towards the grasp."""
+    start: Annotated[Triple, END]
+    """One end of the axis in the link's frame, that of the manufacturer's description [m]."""
+    end: Annotated[Triple, END]
+    """The other end [m]."""
+    radius: Annotated[float, Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")]
+    """Radius [m]."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -53,25 +47,14 @@ class Capsule:
 
 END = Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")
 
-CAPSULE = Struct(
-    Capsule,
-    {
-        "link": Choice(LINKS),
-        "start": END,
-        "end": END,
-        "radius": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
-    },
-)
+CAPSULE = Struct.of(Capsule)
 """Fields of a `Capsule`."""
 
 
 def check_moving(capsules: tuple[Capsule, ...] | None, place: FieldPath) -> None:
     """Refuse collision shapes of a limb of which none moves.
 
-    Raises
-    ------
-    MlivrError
-        If none of the capsules is on a link that moves.
+    Raises an error of the type of `place` if none of the capsules is on a link that moves.
     """
     if capsules is not None and all(shape.link == "base" for shape in capsules):
         raise place.field("capsules").fault(

@@ -6,16 +6,16 @@ A limb that carries a bag holds no point: it stands folded and, with the bag, is
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.limb_dynamics import MASSES, check_inertia, gripper_link
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import SixAngles
+from mlivr_gym.robot.limb_dynamics import MASSES, GivenInertia, check_inertia, gripper_link
+from mlivr_gym.robot.link_frames import link_frames, rigid
 from mlivr_gym.robot.mounts import MOUNT, Mount
 from mlivr_gym.robot.rigid import RigidBody, box_inertia
 from mlivr_gym.robot.validators import SizeOrEdges
@@ -30,18 +30,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LockedLimb:
-    """A limb whose joints are locked, so that it is a part of the body.
+    """A limb whose joints are locked, so that it is a part of the body."""
 
-    Attributes
-    ----------
-    mount
-        Place of the limb; its kinematics, capsules and dynamics must be given.
-    joints
-        Joint angles [rad].
-    """
-
-    mount: Mount
-    joints: tuple[float, ...]
+    mount: Annotated[Mount, MOUNT]
+    """Place of the limb; its kinematics, capsules and dynamics must be given."""
+    joints: SixAngles
+    """Joint angles [rad]."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -54,9 +48,8 @@ class LockedLimb:
     @property
     def frames(self) -> Array:
         """Frames of its base and its six links in the body frame, shape (7, 4, 4)."""
-        frame, limb = np.eye(4), self.mount.limb
+        limb, frame = self.mount.limb, rigid(self.mount.rotation, self.mount.position)
         assert limb is not None
-        frame[:3, :3], frame[:3, 3] = self.mount.rotation, self.mount.position
         return np.asarray(frame @ link_frames(limb, np.array(self.joints)))
 
 
@@ -65,23 +58,6 @@ class Cargo:
     """A box that is fixed to the body of a robot, or to the gripper of a locked limb.
 
     Its axes are those of the body, or of the limb's flange.
-
-    Attributes
-    ----------
-    mass
-        Mass [kg].
-    size
-        Edge of a cube, or the three edges of the box along x, y and z [m].
-    centre
-        Middle of the box, its centre of mass, in the body frame [m]; None for a box that lies on
-        the middle of the face towards +z, away from the points that the robot holds. With `limb` in
-        the frame of its flange; None for a box held at the middle of a face.
-    inertia
-        Inertia about its middle, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a homogeneous
-        box.
-    limb
-        The locked limb that holds the box, see `mlivr_gym.collisions.carrying.carrying_robot`; None
-        for a box on the body.
 
     Examples
     --------
@@ -92,11 +68,20 @@ class Cargo:
     (50.0, (0.0, 0.0, 0.12))
     """
 
-    mass: float
-    size: float | Triple
-    centre: Triple | None = None
-    inertia: tuple[float, ...] | None = None
-    limb: LockedLimb | None = None
+    mass: Annotated[float, Tuples((), *MASSES, "kg")]
+    """Mass [kg]."""
+    size: Annotated[float | Triple, SizeOrEdges()]
+    """Edge of a cube, or the three edges of the box along x, y and z [m]."""
+    centre: Annotated[Triple | None, OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"))] = None
+    """Middle of the box, its centre of mass, in the body frame [m]; None for a box that lies on the
+    middle of the face towards +z, away from the points that the robot holds. With `limb` in the
+    frame of its flange; None for a box held at the middle of a face."""
+    inertia: GivenInertia = None
+    """Inertia about its middle, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a homogeneous
+    box."""
+    limb: Annotated[LockedLimb | None, OrNone(LOCKED_LIMB)] = None
+    """The locked limb that holds the box, see `mlivr_gym.collisions.carrying.carrying_robot`; None
+    for a box on the body."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -168,20 +153,8 @@ def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:
     return replace(robot, cargo=CARGO.read(cargo, FieldPath("cargo", RobotError)))
 
 
-LOCKED_LIMB = Struct(
-    LockedLimb,
-    {"mount": MOUNT, "joints": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")},
-)
+LOCKED_LIMB = Struct.of(LockedLimb)
 """Fields of a `LockedLimb`."""
 
-CARGO = Struct(
-    Cargo,
-    {
-        "mass": Tuples((), *MASSES, "kg"),
-        "size": SizeOrEdges(),
-        "centre": OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")),
-        "inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
-        "limb": OrNone(LOCKED_LIMB),
-    },
-)
+CARGO = Struct.of(Cargo)
 """Fields of a `Cargo`."""

@@ -13,6 +13,7 @@ from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.joint_chain import HeldJoint, JointChain, RecognisedArm
 from mlivr_gym.robot.limb import FARTHEST_TURN
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
 
 JOINTS = 6
@@ -208,17 +209,13 @@ def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple
 
 def body_frame(data: Any, body: int) -> Array:
     """Return the frame of a body in the world, shape (4, 4)."""
-    frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = data.xmat[body].reshape(3, 3), data.xpos[body]
-    return frame
+    return rigid(data.xmat[body].reshape(3, 3), data.xpos[body])
 
 
 def tool_frame_of(data: Any, arm: FileArm) -> Array:
     """Return the tool frame of an arm in the world, shape (4, 4)."""
     body, position, rotation = arm.tool
-    inside = np.eye(4)
-    inside[:3, :3], inside[:3, 3] = rotation, position
-    frame: Array = body_frame(data, body) @ inside
+    frame: Array = body_frame(data, body) @ rigid(rotation, position)
     return frame
 
 

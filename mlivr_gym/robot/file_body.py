@@ -14,7 +14,7 @@ from mlivr_gym.robot.file_arms import FileArm, body_frame, body_name
 from mlivr_gym.robot.file_limb import FileLimb
 from mlivr_gym.robot.file_parts import body_parts
 from mlivr_gym.robot.file_shapes import box_round, solids
-from mlivr_gym.robot.link_frames import inverse
+from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, joined
 from mlivr_gym.values import Triple
 
@@ -106,8 +106,7 @@ def _even_frame(
         order = np.argsort(angles)
         gaps = np.diff([*angles[order], 2.0 * np.pi])
         if np.abs(gaps - 2.0 * np.pi / count).max() <= 10.0 * EVEN:
-            frame = np.eye(4)
-            frame[:3, :3], frame[:3, 3] = np.stack([x, np.cross(z, x), z], axis=1), centre
+            frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
             return frame, round(radius, 9), tuple(order.tolist())
     return None
 

@@ -20,7 +20,7 @@ from mlivr_gym.robot.file_parts import LimbParts, limb_parts
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
 from mlivr_gym.robot.joint_chain import DECIMALS, JointChain, RecognisedArm
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
-from mlivr_gym.robot.link_frames import inverse, link_frames
+from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
 from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
@@ -356,10 +356,9 @@ def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last:
 
 def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
     """Return the base frame of the joints that move, see `LimbBase.base_in_mount`."""
-    frame = np.eye(4)
-    if limb.base_in_mount is not None:
-        frame[:3, :3], frame[:3, 3] = limb.base_in_mount
-    base: Array = found.mount @ frame
+    if limb.base_in_mount is None:
+        return found.mount
+    base: Array = found.mount @ rigid(*limb.base_in_mount)
     return base
 
 

@@ -74,21 +74,40 @@ class RobotFile:
 
     fields: dict[str, Any]
     """Fields of `RobotSpec`."""
-    joint_names: tuple[tuple[str, ...], ...]
-    """Names of the joints that move in the file, N of six; equal limbs of one arm share them."""
-    signs: Array
-    """1 or -1 for each joint, shape (N, 6): an angle of the robot is `sign * angle of the file +
-    offset`."""
-    offsets: Array
-    """The offsets [rad], shape (N, 6)."""
-    capsule_excess: tuple[dict[str, float], ...]
-    """How far the capsules of each link reach beyond its shapes at most [m], by limb and link."""
     file_limbs: tuple[FileLimb, ...]
     """Each limb as the file has it, N of them; equal limbs of one arm share it."""
-    position_error: float
-    """Largest distance of a flange from that of the file over random joint angles [m]. It is above
-    0 because axes that are nearly parallel or perpendicular in the file are exactly so in the
-    family."""
+
+    @property
+    def joint_names(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the joints that move in the file, N of six."""
+        return tuple(limb.joint_names for limb in self.file_limbs)
+
+    @property
+    def signs(self) -> Array:
+        """1 or -1 for each joint, shape (N, 6).
+
+        An angle of the robot is `sign * angle of the file + offset`.
+        """
+        return np.array([limb.signs for limb in self.file_limbs])
+
+    @property
+    def offsets(self) -> Array:
+        """The offsets [rad], shape (N, 6)."""
+        return np.array([limb.offsets for limb in self.file_limbs])
+
+    @property
+    def capsule_excess(self) -> tuple[dict[str, float], ...]:
+        """How far capsules reach beyond the shapes of each link at most [m], by limb and link."""
+        return tuple(limb.excess for limb in self.file_limbs)
+
+    @property
+    def position_error(self) -> float:
+        """Largest distance of a flange from that of the file over random joint angles [m].
+
+        It is above 0 because axes that are nearly parallel or perpendicular in the file are exactly
+        so in the family.
+        """
+        return max(limb.position_error for limb in self.file_limbs)
 
     def from_file_angles(self, angles: Array) -> Array:
         """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""
@@ -102,22 +121,10 @@ class RobotFile:
         """Return the angles of the file at which its flanges are where the robot has them [rad].
 
         They differ from those of `to_file_angles` where axes that are parallel or perpendicular in
-        the family are nearly so in the file, as those of a calibrated arm.
-
-        Parameters
-        ----------
-        angles
-            Joint angles of the robot [rad], shape (..., N, 6).
-
-        Returns
-        -------
-        Array
-            Joint angles of the file [rad], shape (..., N, 6); flanges are exact to 1e-11 m and rad.
-
-        Raises
-        ------
-        RobotError
-            If a limb has no such angles within 0.1 rad, too close to a singular posture.
+        the family are nearly so in the file, as those of a calibrated arm. Joint angles of the
+        robot and of the file have shape (..., N, 6) [rad]; flanges are exact to 1e-11 m and rad.
+        Raises a `RobotError` if a limb has no such angles within 0.1 rad, too close to a singular
+        posture.
         """
         given = np.asarray(angles, dtype=np.float64)
         out = self.to_file_angles(given)
@@ -264,16 +271,7 @@ def _of_one_arm(
     """Return a robot of equal arms mounted evenly round a box."""
     if build["mount_radius"] is None:
         build["mount_radius"] = 0.5 * float(np.max(build["body_size"])) + _stand_off(limb)
-    count = build["limbs"]
-    return RobotFile(
-        _fields(file, (limb,), fields, build),
-        (limb.joint_names,) * count,
-        np.tile(limb.signs, (count, 1)),
-        np.tile(limb.offsets, (count, 1)),
-        (limb.excess,) * count,
-        (limb,) * count,
-        limb.position_error,
-    )
+    return RobotFile(_fields(file, (limb,), fields, build), (limb,) * build["limbs"])
 
 
 def _stand_off(limb: FileLimb) -> float:
@@ -305,15 +303,7 @@ def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -
         build |= {"limbs": len(limbs), "mount_radius": body.mount_radius}
     else:
         build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
-    return RobotFile(
-        _fields(file, limbs, fields, build),
-        tuple(limb.joint_names for limb in limbs),
-        np.array([limb.signs for limb in limbs]),
-        np.array([limb.offsets for limb in limbs]),
-        tuple(limb.excess for limb in limbs),
-        limbs,
-        max(limb.position_error for limb in limbs),
-    )
+    return RobotFile(_fields(file, limbs, fields, build), limbs)
 
 
 def _mount(limb: FileLimb, alike: bool) -> Mount:

@@ -8,6 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.any_limb import AnyLimb
+from mlivr_gym.robot.link_frames import rigid
 
 ALIGNED = 1e-3
 """Largest angle between axes that count as parallel or perpendicular [rad]."""
@@ -96,6 +97,12 @@ def foot(chain: JointChain, k: int, other: int) -> Array:
     return nearest
 
 
+def mount_on(chain: JointChain, x: Array, up: Array) -> Array:
+    """Return the mount of an arm, (4, 4): on axis 1 at the height of its base, with given axes."""
+    base = chain.base[:3, 3] - chain.anchors[0]
+    return rigid(np.stack([x, np.cross(up, x), up], axis=1), chain.anchors[0] + (base @ up) * up)
+
+
 def tool_x(flange: Array, out: Array) -> Array:
     """Return the flange's first axis across `out`, or its second where the first is along it."""
     for k in (0, 1):
@@ -104,6 +111,11 @@ def tool_x(flange: Array, out: Array) -> Array:
         if size > 0.5:
             return across / size
     raise AssertionError("two axes of a frame cannot both be along one direction")
+
+
+def are_parallel(chain: JointChain, k: int, other: int) -> bool:
+    """Return whether the axes of two joints are parallel."""
+    return float(np.linalg.norm(np.cross(chain.axes[k], chain.axes[other]))) <= ALIGNED
 
 
 def right_angle_fault(chain: JointChain, k: int, other: int) -> str:

@@ -9,14 +9,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.schema import FieldPath, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 FAMILIES = ("ur", "spherical_wrist")
 """Families of limbs by the names in robot files, in the order of their numbers in `kinematics.arm`.
@@ -69,9 +69,29 @@ AnchorPlace = tuple[int, tuple[float, float, float]]
 """An anchor, 0 limb base, 1 elbow, 2 forearm end, 3 wrist point, and where it lies on a link [m].
 """
 
+Length = Annotated[float, Tuples((), most=MAX_ROBOT_LENGTH, unit="m")]
+"""A length of a robot that may be negative, as in the DH convention [m]."""
+
+Angle = Annotated[float, Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
+"""An angle of a joint [rad]."""
+
+SixAngles = Annotated[tuple[float, ...], Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
+"""Angles of six joints [rad]."""
+
+SixLimits = Annotated[
+    tuple[tuple[float, float], ...], Tuples((6, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad")
+]
+"""Lower and upper limits of six joints [rad]."""
+
 HALF = float(np.sqrt(0.5))
 STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HALF, 0.0, 0.0)
 """Quaternions of no turn, and of a quarter turn about x in either sense."""
+
+
+def share_of(share: float, place: Triple) -> Triple:
+    """Return a part of the way from the origin to a place."""
+    x, y, z = place
+    return share * x, share * y, share * z
 
 
 class LimbBase(ABC):
@@ -90,6 +110,24 @@ class LimbBase(ABC):
     @abstractmethod
     def lengths(self) -> Array:
         """Lengths of the family [m]."""
+
+    @property
+    @abstractmethod
+    def link_distances(self) -> tuple[float, ...]:
+        """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
+
+    @property
+    def reach(self) -> float:
+        """An upper bound of the flange's distance from the mount [m]."""
+        return self.link_distances[-1]
+
+    @property
+    def side_offsets(self) -> tuple[float, float] | None:
+        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
+
+        By these the links keep clear of each other; None if nothing keeps them clear.
+        """
+        return None
 
     @property
     def limits(self) -> Array:
@@ -120,10 +158,7 @@ class LimbBase(ABC):
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
 
-        Parameters
-        ----------
-        angles
-            Shape (..., 7), or (..., 6) of an arm of six joints.
+        The angles have shape (..., 7), or (..., 6) of an arm of six joints.
         """
         rows = np.asarray(angles, dtype=np.float64)
         if self.held_joint is not None:
@@ -141,10 +176,7 @@ class LimbBase(ABC):
     def check_joints(self, place: FieldPath) -> None:
         """Refuse limits in the wrong order or number, and a held angle outside them.
 
-        Raises
-        ------
-        RobotError
-            Naming the field and what would be valid.
+        Raises a `RobotError` that names the field and what would be valid.
         """
         joints = 6 if self.held_joint is None else 7
         if len(self.joint_limits) != joints:
@@ -204,15 +236,15 @@ class Limb(LimbBase):
     [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     """
 
-    d1: float = 0.1625
-    a2: float = -0.425
-    a3: float = -0.3922
-    d4: float = 0.1333
-    d5: float = 0.0997
-    d6: float = 0.0996
-    joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
+    d1: Length = 0.1625
+    a2: Length = -0.425
+    a3: Length = -0.3922
+    d4: Length = 0.1333
+    d5: Length = 0.0997
+    d6: Length = 0.0996
+    joint_limits: SixLimits = JOINT_LIMITS
     """Lower and upper limit of each joint [rad]."""
-    window_starts: tuple[float, ...] = WINDOW_STARTS
+    window_starts: SixAngles = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
 
     def __post_init__(self) -> None:
@@ -223,13 +255,7 @@ class Limb(LimbBase):
         self.check_joints(place)
 
     def check_lengths(self, place: FieldPath) -> None:
-        """Refuse lengths of 0 without which the form is another one.
-
-        Raises
-        ------
-        RobotError
-            Naming the length.
-        """
+        """Refuse lengths of 0 without which the form is another one, by a `RobotError`."""
         for name in ("a2", "a3", "d4"):
             if abs(getattr(self, name)) < MIN_SIZE:
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
@@ -291,11 +317,8 @@ class Limb(LimbBase):
         }
 
     @property
-    def side_offsets(self) -> tuple[float, float] | None:
-        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
-
-        By these the links keep clear of each other; None if nothing keeps them clear.
-        """
+    def side_offsets(self) -> tuple[float, float]:
+        """Offsets d4 of the wrist point from the forearm and d5 of the flange axis from wrist 1."""
         return self.d4, self.d5
 
     def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
@@ -324,15 +347,5 @@ class Limb(LimbBase):
         return float(np.sqrt(square[possible].max()))
 
 
-LENGTH = Tuples((), most=MAX_ROBOT_LENGTH, unit="m")
-"""A length of a robot that may be negative, as in the DH convention."""
-
-LIMB = Struct(
-    Limb,
-    {
-        **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), LENGTH),
-        "joint_limits": Tuples((6, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-        "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-    },
-)
+LIMB = Struct.of(Limb)
 """Fields of a `Limb`."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -31,47 +31,42 @@ SAME_LENGTH = 1e-3
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
 
+GivenInertia = Annotated[tuple[float, ...] | None, OrNone(Tuples((6,), -1e6, 1e6, "kg m^2"))]
+"""An inertia xx, yy, zz, xy, xz, yz [kg m^2], or None."""
+
 
 @dataclass(frozen=True)
 class LimbDynamics:
-    """Masses, inertias and limits of the six links and joints of a limb.
+    """Masses, inertias and limits of the six links and joints of a limb."""
 
-    Attributes
-    ----------
-    base_mass
-        Mass of the link by which the limb is fixed to the body [kg]; 0 if the body includes it.
-    masses
-        Mass of each link [kg].
-    centres
-        Centre of mass of each link in its frame [m], six of three.
-    inertias
-        Inertia of each link about its centre of mass in the axes of its frame, xx, yy,
-        zz, xy, xz, yz [kg m^2].
-    torque_limits
-        Largest torque of each joint [N m].
-    speed_limits
-        Largest speed of each joint [rad/s].
-    rotor_inertias
-        Inertia of each joint's rotor, reflected through its gear [kg m^2].
-    base_size
-        Radius and length of the base link, a cylinder that stands on the body [m]; None if it has
-        no mass, or centre and inertia of its own.
-    base_centre
-        Its centre of mass in the limb's base frame [m]; None for that of the cylinder.
-    base_inertia
-        Its inertia, in the order of `inertias` [kg m^2]; None for that of the cylinder.
-    """
-
-    base_mass: float
-    masses: tuple[float, ...]
-    centres: tuple[tuple[float, ...], ...]
-    inertias: tuple[tuple[float, ...], ...]
-    torque_limits: tuple[float, ...]
-    speed_limits: tuple[float, ...]
-    rotor_inertias: tuple[float, ...]
-    base_size: tuple[float, float] | None = None
-    base_centre: Triple | None = None
-    base_inertia: tuple[float, ...] | None = None
+    base_mass: Annotated[float, Tuples((), 0.0, MASSES[1], "kg")]
+    """Mass of the link by which the limb is fixed to the body [kg]; 0 if the body includes it."""
+    masses: Annotated[tuple[float, ...], Tuples((6,), *MASSES, "kg")]
+    """Mass of each link [kg]."""
+    centres: Annotated[
+        tuple[tuple[float, ...], ...], Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m")
+    ]
+    """Centre of mass of each link in its frame [m], six of three."""
+    inertias: Annotated[tuple[tuple[float, ...], ...], Tuples((6, 6), -1e6, 1e6, "kg m^2")]
+    """Inertia of each link about its centre of mass in the axes of its frame, xx, yy, zz, xy, xz,
+    yz [kg m^2]."""
+    torque_limits: Annotated[tuple[float, ...], Tuples((6,), 1e-3, 1e6, "N m")]
+    """Largest torque of each joint [N m]."""
+    speed_limits: Annotated[tuple[float, ...], Tuples((6,), 1e-3, 1e3, "rad/s")]
+    """Largest speed of each joint [rad/s]."""
+    rotor_inertias: Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e3, "kg m^2")]
+    """Inertia of each joint's rotor, reflected through its gear [kg m^2]."""
+    base_size: Annotated[
+        tuple[float, float] | None, OrNone(Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m"))
+    ] = None
+    """Radius and length of the base link, a cylinder that stands on the body [m]; None if it has no
+    mass, or centre and inertia of its own."""
+    base_centre: Annotated[Triple | None, OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"))] = (
+        None
+    )
+    """Its centre of mass in the limb's base frame [m]; None for that of the cylinder."""
+    base_inertia: GivenInertia = None
+    """Its inertia, in the order of `inertias` [kg m^2]; None for that of the cylinder."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -120,13 +115,10 @@ class LimbDynamics:
 def check_inertia(inertia: tuple[float, ...], place: FieldPath) -> None:
     """Refuse an inertia xx, yy, zz, xy, xz, yz [kg m^2] that no body can have.
 
-    Raises
-    ------
-    RobotError
-        If a principal moment is not above 0, or two add up to less than the third.
+    Raises a `RobotError` if a principal moment is not above 0, or two add up to less than the
+    third.
     """
-    xx, yy, zz, xy, xz, yz = inertia
-    moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    moments = RigidBody(1.0, (0.0, 0.0, 0.0), inertia).principal_moments
     if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
         told = ", ".join(f"{moment:g}" for moment in moments)
         raise place.fault(
@@ -187,10 +179,8 @@ def arm_of(limb: LimbBase) -> str | None:
 def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
     """Return the dynamics of the arm that ships with the lengths of a limb.
 
-    Raises
-    ------
-    RobotError
-        If no arm that ships has them: another arm's figures would be wrong without notice.
+    Raises a `RobotError` if no arm that ships has them: another arm's figures would be wrong
+    without notice.
     """
     name = arm_of(limb)
     if name is None:
@@ -206,18 +196,12 @@ def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
 
 @dataclass(frozen=True)
 class Named:
-    """A record of a limb, or the name of an arm that ships.
-
-    Attributes
-    ----------
-    kind
-        Reads a record that is spelled out.
-    make
-        Gives the record of a name.
-    """
+    """A record of a limb, or the name of an arm that ships."""
 
     kind: Validator[Any]
+    """Reads a record that is spelled out."""
     make: Callable[[str], Any]
+    """Gives the record of a name."""
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return the record."""
@@ -226,19 +210,5 @@ class Named:
         return self.kind.read(value, place)
 
 
-LIMB_DYNAMICS = Struct(
-    LimbDynamics,
-    {
-        "base_mass": Tuples((), 0.0, MASSES[1], "kg"),
-        "masses": Tuples((6,), *MASSES, "kg"),
-        "centres": Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m"),
-        "inertias": Tuples((6, 6), -1e6, 1e6, "kg m^2"),
-        "torque_limits": Tuples((6,), 1e-3, 1e6, "N m"),
-        "speed_limits": Tuples((6,), 1e-3, 1e3, "rad/s"),
-        "rotor_inertias": Tuples((6,), 0.0, 1e3, "kg m^2"),
-        "base_size": OrNone(Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m")),
-        "base_centre": OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")),
-        "base_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
-    },
-)
+LIMB_DYNAMICS = Struct.of(LimbDynamics)
 """Fields of a `LimbDynamics`."""

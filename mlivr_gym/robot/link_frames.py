@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.limb import LinkOffset, LinkQuaternion
@@ -49,9 +50,13 @@ def link_frames(limb: Links, angles: Array) -> Array:
     return frames
 
 
+def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
+    """Return the rigid transform of a rotation (3, 3) and a position (3,), shape (4, 4)."""
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = rotation, position
+    return frame
+
+
 def inverse(frame: Array) -> Array:
     """Return the inverse of a rigid transform, shape (4, 4)."""
-    out = np.eye(4)
-    out[:3, :3] = frame[:3, :3].T
-    out[:3, 3] = -frame[:3, :3].T @ frame[:3, 3]
-    return out
+    return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])

@@ -7,7 +7,7 @@ build names one `Mount` for each limb, which may also bring a limb of its own.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -29,25 +29,28 @@ from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 MOST_CAPSULES = 64
 """Largest number of collision shapes of a limb: the compiled checks keep them on the stack."""
 
+GivenCapsules = Annotated[tuple[Capsule, ...] | None, OrNone(ListOf(CAPSULE, most=MOST_CAPSULES))]
+"""Collision shapes of a limb, or None."""
+
 
 @dataclass(frozen=True)
 class Mount:
     """The place of one limb on the body, and the parts in which it differs from the other limbs."""
 
-    position: Triple
+    position: Annotated[Triple, Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")]
     """Origin of the limb's base in the body frame [m]."""
-    rotation: tuple[Triple, Triple, Triple]
+    rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()]
     """Rows of the rotation from the limb's base axes to the body's; its third column is the axis of
     the first joint."""
-    limb: AnyLimb | None = None
+    limb: Annotated[AnyLimb | None, OrNone(Named(LIMB_OF_FAMILY, arm_limb))] = None
     """Kinematics of this limb; None for `RobotSpec.limb`."""
-    capsules: tuple[Capsule, ...] | None = None
+    capsules: GivenCapsules = None
     """Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
     given, for those of the UR5e stretched to its lengths."""
-    dynamics: LimbDynamics | None = None
+    dynamics: Annotated[LimbDynamics | None, OrNone(Named(LIMB_DYNAMICS, arm_dynamics))] = None
     """Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
     is given, for those of the arm that has its lengths."""
-    visuals: tuple[Visual, ...] | None = None
+    visuals: Annotated[tuple[Visual, ...] | None, OrNone(ListOf(VISUAL, most=MOST_VISUALS))] = None
     """Meshes that show this limb; None for `RobotSpec.visuals`, or none if `limb` is given."""
 
     def __post_init__(self) -> None:
@@ -57,17 +60,7 @@ class Mount:
         check_moving(self.capsules, place)
 
 
-MOUNT = Struct(
-    Mount,
-    {
-        "position": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
-        "rotation": Rotation(),
-        "limb": OrNone(Named(LIMB_OF_FAMILY, arm_limb)),
-        "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
-        "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
-        "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
-    },
-)
+MOUNT = Struct.of(Mount)
 """Fields of a `Mount`."""
 
 

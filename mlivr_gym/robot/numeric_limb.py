@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 
@@ -11,12 +12,14 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.limb import (
-    FARTHEST_TURN,
     STRAIGHT,
     AnchorPlace,
     LimbBase,
     LinkOffset,
     LinkQuaternion,
+    SixAngles,
+    SixLimits,
+    share_of,
 )
 from mlivr_gym.robot.link_frames import axes_of, link_frames
 from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
@@ -51,28 +54,20 @@ class NumericLimb(LimbBase):
 
     Each joint turns about the z axis of its link's frame. A pose takes longer than with a closed
     form, and so does the first plan on a map: prefer another family where one fits.
-
-    Attributes
-    ----------
-    origins
-        Origin of each link's frame in that of the link before it, at joint angles of 0 [m]: of the
-        links 1 to 5, then of the flange. That of link 1 lies on the z axis of the base.
-    quaternions
-        Their orientations, quaternions w, x, y, z; that of link 1 is (1, 0, 0, 0). The z axis of
-        the flange is that of joint 6 and leads to the grasp.
-    joint_limits
-        Lower and upper limit of each joint [rad].
-    window_starts
-        Where the turn begins in which each joint stays while the limb holds [rad], see `windows`.
-    family
-        `"numeric"`.
     """
 
-    origins: tuple[Triple, ...]
-    quaternions: tuple[LinkQuaternion, ...]
-    joint_limits: tuple[tuple[float, float], ...]
-    window_starts: tuple[float, ...] = WINDOW_STARTS
-    family: str = NUMERIC
+    origins: Annotated[tuple[Triple, ...], Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m")]
+    """Origin of each link's frame in that of the link before it, at joint angles of 0 [m]: of the
+    links 1 to 5, then of the flange. That of link 1 lies on the z axis of the base."""
+    quaternions: Annotated[tuple[LinkQuaternion, ...], Tuples((6, 4), most=1.0 + UNIT_LENGTH)]
+    """Their orientations, quaternions w, x, y, z; that of link 1 is (1, 0, 0, 0). The z axis of the
+    flange is that of joint 6 and leads to the grasp."""
+    joint_limits: SixLimits
+    """Lower and upper limit of each joint [rad]."""
+    window_starts: SixAngles = WINDOW_STARTS
+    """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
+    family: Annotated[str, Choice((NUMERIC,))] = NUMERIC
+    """`"numeric"`."""
 
     def __post_init__(self) -> None:
         """Check frames and limits."""
@@ -156,11 +151,6 @@ class NumericLimb(LimbBase):
         return (0.0, *np.cumsum(steps).tolist())
 
     @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return self.link_distances[-1]
-
-    @property
     def arm_length(self) -> float:
         """Largest distance of the origins of links 2 and 5 in many postures [m].
 
@@ -200,11 +190,6 @@ class NumericLimb(LimbBase):
         }
 
     @property
-    def side_offsets(self) -> tuple[float, float] | None:
-        """None: no links keep clear of each other by lying side by side."""
-        return None
-
-    @property
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper.
 
@@ -220,8 +205,8 @@ class NumericLimb(LimbBase):
             start = 0.0 if before > apart else apart
             stop = size - apart if link == "wrist_1" else size
             if start < stop or link == "upper_arm":
-                ends = _share(start / size, place), _share(stop / size, place)
-                out.append(Capsule(link, *ends, radius))
+                first, last = (share_of(min(at / size, 1.0), place) for at in (start, stop))
+                out.append(Capsule(link, first, last, radius))
             before = size
         slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
         end = -float(np.copysign(slim, d6))
@@ -235,12 +220,6 @@ class NumericLimb(LimbBase):
         return self.reach
 
 
-def _share(share: float, place: Triple) -> Triple:
-    """Return a part of the way to a place."""
-    x, y, z = place
-    return min(share, 1.0) * x, min(share, 1.0) * y, min(share, 1.0) * z
-
-
 @lru_cache(maxsize=8)
 def _postures(limb: NumericLimb) -> tuple[Array, Array]:
     """Return joint angles (k, 6) [rad] all over the windows, and link frames (k, 7, 4, 4)."""
@@ -249,14 +228,5 @@ def _postures(limb: NumericLimb) -> tuple[Array, Array]:
     return angles, link_frames(limb, angles)
 
 
-NUMERIC_LIMB = Struct(
-    NumericLimb,
-    {
-        "family": Choice((NUMERIC,)),
-        "origins": Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m"),
-        "quaternions": Tuples((6, 4), most=1.0 + UNIT_LENGTH),
-        "joint_limits": Tuples((6, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-        "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-    },
-)
+NUMERIC_LIMB = Struct.of(NumericLimb)
 """Fields of a `NumericLimb`."""

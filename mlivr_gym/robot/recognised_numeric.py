@@ -14,12 +14,14 @@ from mlivr_gym.robot.joint_chain import (
     EXACT,
     JointChain,
     RecognisedArm,
+    are_parallel,
     flange_fault,
     foot,
     rounded,
     sign_of,
     tool_x,
 )
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.numeric_limb import NumericLimb
 
 JOINTS = 6
@@ -34,14 +36,14 @@ def any_six_joints(chain: JointChain) -> RecognisedArm | str:
     count = len(chain.names)
     if count != JOINTS:
         return f"it has {count} {'joint' if count == 1 else 'joints'}, not {JOINTS}"
-    if _are_parallel(chain, 4, 5):
+    if are_parallel(chain, 4, 5):
         return f"the axes of joints {chain.names[4]!r} and {chain.names[5]!r} are parallel"
     wrist = foot(chain, 5, 4)
     off = flange_fault(chain, wrist)
     if off:
         return off
     signs = np.ones(JOINTS)
-    shoulder = foot(chain, 0, 1) if not _are_parallel(chain, 0, 1) else chain.anchors[0]
+    shoulder = foot(chain, 0, 1) if not are_parallel(chain, 0, 1) else chain.anchors[0]
     signs[0] = sign_of(
         float((shoulder - chain.base[:3, 3]) @ chain.axes[0]),
         float(chain.base[:3, 2] @ chain.axes[0]),
@@ -49,7 +51,7 @@ def any_six_joints(chain: JointChain) -> RecognisedArm | str:
     out = float((chain.flange[:3, 3] - wrist) @ chain.axes[5])
     signs[5] = sign_of(out, float(chain.flange[:3, 2] @ chain.axes[5]))
     axes = signs[:, None] * chain.axes
-    mount = _frame(_first_across(chain, axes[0]), axes[0], shoulder)
+    mount = _frame(tool_x(chain.base, axes[0]), axes[0], shoulder)
     base = float((chain.base[:3, 3] - shoulder) @ axes[0])
     mount[:3, 3] = shoulder + base * axes[0]
     frames = [mount, _frame(mount[:3, 0], axes[0], shoulder)]
@@ -57,7 +59,7 @@ def any_six_joints(chain: JointChain) -> RecognisedArm | str:
         before = frames[-1]
         share = (before[:3, 3] - chain.anchors[k]) @ axes[k]
         origin = chain.anchors[k] + share * axes[k]
-        if k == 1 and not _are_parallel(chain, 0, 1):
+        if k == 1 and not are_parallel(chain, 0, 1):
             origin = foot(chain, 1, 0)
         x = np.cross(axes[k - 1], axes[k])
         size = float(np.linalg.norm(x))
@@ -77,24 +79,11 @@ def any_six_joints(chain: JointChain) -> RecognisedArm | str:
     return RecognisedArm(NumericLimb, fields, signs, np.zeros(JOINTS), mount)
 
 
-def _are_parallel(chain: JointChain, k: int, other: int) -> bool:
-    """Return whether the axes of two joints are parallel."""
-    return float(np.linalg.norm(np.cross(chain.axes[k], chain.axes[other]))) <= ALIGNED
-
-
-def _first_across(chain: JointChain, up: Array) -> Array:
-    """Return the base's first axis across the first joint's, or its second."""
-    return tool_x(chain.base, up)
-
-
 def _frame(x: Array, z: Array, origin: Array) -> Array:
     """Return the frame of an origin, its z axis, and an x axis that is made to be across it."""
     across = x - (x @ z) * z
     across = across / np.linalg.norm(across)
-    frame = np.eye(4)
-    frame[:3, :3] = np.stack([across, np.cross(z, across), z], axis=1)
-    frame[:3, 3] = origin
-    return frame
+    return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)
 
 
 def _quaternion(rotation: Array) -> tuple[float, ...]:

@@ -11,10 +11,12 @@ from mlivr_gym.robot.joint_chain import (
     MEETING,
     JointChain,
     RecognisedArm,
+    are_parallel,
     axis_text,
     crossing_fault,
     flange_fault,
     foot,
+    mount_on,
     rounded,
     sign_of,
     tool_x,
@@ -58,7 +60,7 @@ def _fault(chain: JointChain) -> str:
     """Return in which respect axes are not those of the UR form, empty if they are."""
     names, axes = chain.names, chain.axes
     for k in (2, 3):
-        if np.linalg.norm(np.cross(axes[1], axes[k])) > ALIGNED:
+        if not are_parallel(chain, 1, k):
             return (
                 f"axis {axis_text(axes[k])} of joint {names[k]!r} is not parallel to axis "
                 f"{axis_text(axes[1])} of joint {names[1]!r}"
@@ -109,10 +111,7 @@ def _in_family(
     offsets = np.array([0.0, q2, q23 - q2, total - q23, q5, q6])
     offsets = np.arctan2(np.sin(offsets), np.cos(offsets))
     offsets[np.abs(offsets) < EXACT] = 0.0
-    mount = np.eye(4)
-    mount[:3, :3] = np.stack([first, np.cross(up, first), up], axis=1)
-    base = chain.base[:3, 3] - chain.anchors[0]
-    mount[:3, 3] = chain.anchors[0] + (base @ up) * up
+    mount = mount_on(chain, first, up)
     lengths = {
         "d1": (shoulder - mount[:3, 3]) @ up, "a2": a2, "a3": a3, "d4": (bend - end) @ normal,
         "d5": (wrist - bend) @ roll, "d6": (chain.flange[:3, 3] - wrist) @ out,

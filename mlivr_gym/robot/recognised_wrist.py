@@ -14,15 +14,18 @@ from mlivr_gym.robot.joint_chain import (
     HeldJoint,
     JointChain,
     RecognisedArm,
+    are_parallel,
     crossing_fault,
     flange_fault,
     foot,
+    mount_on,
     right_angle_fault,
     rounded,
     sign_of,
     tool_x,
 )
 from mlivr_gym.robot.limb import FARTHEST_TURN
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SHIFTS, SphericalWristLimb
 
 
@@ -115,10 +118,9 @@ def spherical_shoulder(chain: JointChain) -> RecognisedArm | str:
     tool, first = tool_x(chain.flange, out), found.mount[:3, 0]
     offsets[-1] -= np.arctan2(np.cross(first, tool) @ out, first @ tool)
     offsets[np.abs(offsets) < EXACT] = 0.0
-    mount, up = np.eye(4), -found.signs[-1] * opposite.axes[-1]
+    up = -found.signs[-1] * opposite.axes[-1]
     ahead = tool_x(foot_of_base, up)
-    mount[:3, :3] = np.stack([ahead, np.cross(up, ahead), up], axis=1)
-    mount[:3, 3] = foot_of_base[:3, 3]
+    mount = rigid(np.stack([ahead, np.cross(up, ahead), up], axis=1), foot_of_base[:3, 3])
     limits = found.held_limits or (-np.pi, np.pi)
     return RecognisedArm(SphericalWristLimb, fields, found.signs[::-1], offsets, mount, limits)
 
@@ -274,10 +276,7 @@ def _seen_in_family(chain: JointChain, points: Points, signs: Array) -> ArmInFam
         np.arctan2(-out @ x4, out @ wrist_1),
         np.arctan2(-tool @ wrist_2, tool @ x5),
     ]
-    mount = np.eye(4)
-    mount[:3, :3] = np.stack([first, np.cross(up, first), up], axis=1)
-    base = chain.base[:3, 3] - chain.anchors[0]
-    mount[:3, 3] = chain.anchors[0] + (base @ up) * up
+    mount = mount_on(chain, first, up)
     lengths = {
         "d1": (points.shoulder - mount[:3, 3]) @ up, "a2": upper @ along, "a3": fore @ x3,
         "d4": fore @ wrist_1, "d6": (chain.flange[:3, 3] - points.wrist) @ out,
@@ -321,8 +320,7 @@ def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm
 
 def _is_tilted(chain: JointChain) -> bool:
     """Return whether the elbow axis of an arm is not parallel to axis 2."""
-    lean = chain.axes[len(chain.axes) - 4]
-    return float(np.linalg.norm(np.cross(chain.axes[1], lean))) > ALIGNED
+    return not are_parallel(chain, 1, len(chain.axes) - 4)
 
 
 def _unit(vector: Array) -> Array:

@@ -14,10 +14,10 @@ import numpy as np
 
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.joint_chain import (
-    ALIGNED,
     HeldJoint,
     JointChain,
     RecognisedArm,
+    are_parallel,
     axis_text,
     crossing_fault,
     right_angle_fault,
@@ -48,7 +48,7 @@ class ArmFamily(NamedTuple):
 RELATIONS: dict[str, Callable[[JointChain, int], bool]] = {
     "x": lambda chain, k: not crossing_fault(chain, k, k + 1),
     "r": lambda chain, k: not right_angle_fault(chain, k, k + 1),
-    "p": lambda chain, k: bool(np.linalg.norm(np.cross(*chain.axes[k : k + 2])) <= ALIGNED),
+    "p": lambda chain, k: are_parallel(chain, k, k + 1),
 }
 """Whether an axis of a chain and the next one lie so to each other, see `ArmFamily.axes`."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.description import LEAST_MASS
-from mlivr_gym.robot.link_frames import inverse
+from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.values import Triple
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -46,9 +46,9 @@ def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> Rigid
     """
     parts = []
     for body in numbers:
-        mass, place = float(model.body_mass[body]), np.eye(4)
+        mass = float(model.body_mass[body])
         if mass > 2.0 * LEAST_MASS:
-            place[:3, :3], place[:3, 3] = data.ximat[body].reshape(3, 3), data.xipos[body]
+            place = rigid(data.ximat[body].reshape(3, 3), data.xipos[body])
             moments = (*model.body_inertia[body].tolist(), 0.0, 0.0, 0.0)
             parts.append(RigidBody(mass, (0.0, 0.0, 0.0), moments).moved(place))
     if not parts:

@@ -12,7 +12,7 @@ import os
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
 from mlivr_gym.robot.build_checks import check_cargo
-from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
@@ -30,6 +30,7 @@ from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
     MASSES,
+    GivenInertia,
     LimbDynamics,
     Named,
     arm_dynamics,
@@ -37,7 +38,13 @@ from mlivr_gym.robot.limb_dynamics import (
     check_inertia,
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
-from mlivr_gym.robot.mounts import MOUNT, Mount, plain_without_looks, without_empty_looks
+from mlivr_gym.robot.mounts import (
+    MOUNT,
+    GivenCapsules,
+    Mount,
+    plain_without_looks,
+    without_empty_looks,
+)
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
 from mlivr_gym.robot.validators import MOST_LIMBS as MOST_LIMBS
@@ -61,65 +68,6 @@ class RobotSpec(DerivedFigures):
 
     Their first joint axes are then radial, that of limb 0 along the body's +x axis; see `mounts`.
 
-    Attributes
-    ----------
-    name
-        Short name.
-    limbs
-        Number of limbs N, at least 2; with `mounts` it is their number.
-    limb
-        Kinematics of one limb.
-    mount_radius
-        Distance of a limb's base from the body's z axis [m].
-    tool_length
-        Distance from the flange to the grasp along the flange normal [m].
-    characteristic_length
-        l_c, which makes lengths and angles comparable in the Jacobian [m].
-    grasp_separation
-        Smallest distance of two points held at once [m] (gripper width).
-    span
-        Largest distance of two points that a stance may hold [m].
-    heights
-        Candidate heights of the base over the grasps' centroid [m], in any order; they are
-        stored lowest first.
-    rolls
-        Candidate rolls about the line from the grasps' centroid to that of limb 0, with more than
-        two limbs to the nearest grasp [rad], in any order; stored in `geometric_order`.
-    lift
-        Distance by which a gripper departs along the surface normal before it swings [m].
-    folds
-        Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base moves, at
-        most four, the preferred first; those outside the windows of the joints are left out. By
-        default those of the limb's family.
-    capsules
-        Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths,
-        or those of another family along its links, and a gripper from the flange to the grasp.
-    body_size
-        Edge of the body, a cube, or its three edges along x, y and z [m].
-    body_mass
-        Mass of the body [kg].
-    gripper_mass
-        Mass of a gripper [kg]; 0 if the last link of the limb includes it.
-    dynamics
-        Masses, inertias, and limits of torque and speed of a limb, or the name of one of `ARMS`;
-        None for those of the arm that has the limb's lengths.
-    mounts
-        Place of each limb, and its own kinematics if limbs differ; None for equal limbs at equal
-        angles, see `mlivr_gym.robot.mounts.Mount`.
-    apart
-        Pairs of links of one limb, of `APART`, whose true shapes never meet although their capsules
-        may: these pairs are not compared.
-    body_centre
-        Centre of mass of the body in its frame [m].
-    body_inertia
-        Inertia about that centre, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a box.
-    source
-        Where the figures come from, for readers.
-    visuals
-        Meshes that show a limb in pictures; None for those that ship, or for its capsules.
-    cargo
-        Load that is fixed to the body; None for none.
-
     Examples
     --------
     >>> robot = RobotSpec(limbs=3)
@@ -127,30 +75,72 @@ class RobotSpec(DerivedFigures):
     ((3, 3), (3, 6))
     """
 
-    name: str = "robot"
-    limbs: int = 2
-    limb: AnyLimb = field(default_factory=Limb)
-    mount_radius: float = 0.1
-    tool_length: float = 0.05
-    characteristic_length: float = CHARACTERISTIC_LENGTH
-    grasp_separation: float = 0.1
-    span: float = SPAN
-    heights: tuple[float, ...] = HEIGHTS
-    rolls: tuple[float, ...] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
-    lift: float = 0.1
-    folds: tuple[tuple[float, ...], ...] = FOLDS_OF_LIMB
-    capsules: tuple[Capsule, ...] | None = None
-    body_size: float | Triple = 0.2
-    body_mass: float = 20.0
-    gripper_mass: float = 0.5
-    dynamics: LimbDynamics | None = None
-    mounts: tuple[Mount, ...] | None = None
-    apart: tuple[tuple[str, str], ...] = ()
-    body_centre: Triple = (0.0, 0.0, 0.0)
-    body_inertia: tuple[float, ...] | None = None
-    source: str = ""
-    visuals: tuple[Visual, ...] | None = None
-    cargo: Cargo | None = None
+    name: Annotated[str, NAME] = "robot"
+    """Short name."""
+    limbs: Annotated[int, Integer(2, MOST_LIMBS)] = 2
+    """Number of limbs N, at least 2; with `mounts` it is their number."""
+    limb: Annotated[AnyLimb, Named(LIMB_OF_FAMILY, arm_limb)] = field(default_factory=Limb)
+    """Kinematics of one limb."""
+    mount_radius: Annotated[float, SIZE] = 0.1
+    """Distance of a limb's base from the body's z axis [m]."""
+    tool_length: Annotated[float, SIZE] = 0.05
+    """Distance from the flange to the grasp along the flange normal [m]."""
+    characteristic_length: Annotated[float, Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")] = (
+        CHARACTERISTIC_LENGTH
+    )
+    """l_c, which makes lengths and angles comparable in the Jacobian [m]."""
+    grasp_separation: Annotated[float, SIZE] = 0.1
+    """Smallest distance of two points held at once [m] (gripper width)."""
+    span: Annotated[float, Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")] = SPAN
+    """Largest distance of two points that a stance may hold [m]."""
+    heights: Annotated[
+        tuple[float, ...],
+        Tuples((None,), -MAX_ROBOT_LENGTH, MAX_ROBOT_LENGTH, "m", (1, MOST_POSES)),
+    ] = HEIGHTS
+    """Candidate heights of the base over the grasps' centroid [m], in any order; they are stored
+    lowest first."""
+    rolls: Annotated[
+        tuple[float, ...], Tuples((None,), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_POSES))
+    ] = tuple(np.deg2rad([0.0, -15.0, 15.0, -30.0, 30.0]).tolist())
+    """Candidate rolls about the line from the grasps' centroid to that of limb 0, with more than
+    two limbs to the nearest grasp [rad], in any order; stored in `geometric_order`."""
+    lift: Annotated[float, SIZE] = 0.1
+    """Distance by which a gripper departs along the surface normal before it swings [m]."""
+    folds: Annotated[
+        tuple[tuple[float, ...], ...],
+        Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
+    ] = FOLDS_OF_LIMB
+    """Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base moves, at
+    most four, the preferred first; those outside the windows of the joints are left out. By default
+    those of the limb's family."""
+    capsules: GivenCapsules = None
+    """Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths, or
+    those of another family along its links, and a gripper from the flange to the grasp."""
+    body_size: Annotated[float | Triple, SizeOrEdges()] = 0.2
+    """Edge of the body, a cube, or its three edges along x, y and z [m]."""
+    body_mass: Annotated[float, Tuples((), *MASSES, "kg")] = 20.0
+    """Mass of the body [kg]."""
+    gripper_mass: Annotated[float, Tuples((), 0.0, MASSES[1], "kg")] = 0.5
+    """Mass of a gripper [kg]; 0 if the last link of the limb includes it."""
+    dynamics: Annotated[LimbDynamics | None, OrNone(Named(LIMB_DYNAMICS, arm_dynamics))] = None
+    """Masses, inertias, and limits of torque and speed of a limb, or the name of one of `ARMS`;
+    None for those of the arm that has the limb's lengths."""
+    mounts: Annotated[tuple[Mount, ...] | None, OrNone(ListOf(MOUNT, 2, MOST_LIMBS))] = None
+    """Place of each limb, and its own kinematics if limbs differ; None for equal limbs at equal
+    angles, see `mlivr_gym.robot.mounts.Mount`."""
+    apart: Annotated[tuple[tuple[str, str], ...], ListOf(PairOf(APART), 0, len(APART))] = ()
+    """Pairs of links of one limb, of `APART`, whose true shapes never meet although their capsules
+    may: these pairs are not compared."""
+    body_centre: Annotated[Triple, Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")] = (0.0, 0.0, 0.0)
+    """Centre of mass of the body in its frame [m]."""
+    body_inertia: GivenInertia = None
+    """Inertia about that centre, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a box."""
+    source: Annotated[str, Text(0, MAX_REMARK_LENGTH)] = ""
+    """Where the figures come from, for readers."""
+    visuals: Annotated[tuple[Visual, ...] | None, OrNone(ListOf(VISUAL, most=MOST_VISUALS))] = None
+    """Meshes that show a limb in pictures; None for those that ship, or for its capsules."""
+    cargo: Annotated[Cargo | None, OrNone(CARGO)] = None
+    """Load that is fixed to the body; None for none."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -188,19 +178,9 @@ class RobotSpec(DerivedFigures):
     def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:
         """Build a robot from plain data, the inverse of `to_dict`.
 
-        Fields that are missing keep their defaults; unknown ones are refused.
-
-        Parameters
-        ----------
-        data
-            The plain data.
-        name
-            Used when the data names none.
-
-        Raises
-        ------
-        RobotError
-            If a field is unknown or its value faulty; the message names it.
+        Fields that are missing keep their defaults; unknown ones are refused. The name is used when
+        the data name none. Raises a `RobotError` if a field is unknown or its value faulty; the
+        message names it.
         """
         given = {"name": name} | data if isinstance(data, dict) else data
         return ROBOT.read(given, FieldPath("", RobotError))
@@ -209,10 +189,7 @@ class RobotSpec(DerivedFigures):
     def load(cls, path: str | Path) -> RobotSpec:
         """Read a robot from a JSON, URDF or MJCF file; one without a name is called like it.
 
-        Raises
-        ------
-        RobotError
-            If the file cannot be read or a field is faulty.
+        Raises a `RobotError` if the file cannot be read or a field is faulty.
         """
         path = FileName().read(path, FieldPath("path", RobotError))
         name = Path(path).stem
@@ -224,18 +201,9 @@ class RobotSpec(DerivedFigures):
     def from_urdf(cls, path: str | Path, **options: Any) -> RobotSpec:
         """Read a robot from a URDF file.
 
-        Parameters
-        ----------
-        path
-            The file.
-        **options
-            Arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`, `tool_frame` or
-            `speed_limits`, and further fields of a robot.
-
-        Raises
-        ------
-        RobotError
-            If the file cannot be read, or describes a robot that is not supported.
+        The options are arguments of `mlivr_gym.robot.from_file.read_robot`, such as `limbs`,
+        `tool_frame` or `speed_limits`, and further fields of a robot. Raises a `RobotError` if the
+        file cannot be read, or describes a robot that is not supported.
         """
         from mlivr_gym.robot.from_file import robot_of_file
 
@@ -251,22 +219,12 @@ class RobotSpec(DerivedFigures):
         """Return the robot with a joint of a seven-joint limb locked at an angle.
 
         The limb holds that joint in place of the one that it held. Where these differ its links are
-        others, so its collision shapes are the default ones and its masses are not known.
+        others, so its collision shapes are the default ones and its masses are not known. Limbs are
+        counted from 0, joints of the arm from 1; the angle is in the terms of the limb's
+        `joint_limits` [rad].
 
-        Parameters
-        ----------
-        limb
-            Number of the limb, from 0.
-        joint
-            Number of the joint of the arm, from 1.
-        angle
-            Angle at which it is locked, in the terms of the limb's `joint_limits` [rad].
-
-        Raises
-        ------
-        RobotError
-            If the limb cannot move without that joint. A limb of six joints never can, nor one of
-            seven of which another has failed.
+        Raises a `RobotError` if the limb cannot move without that joint. A limb of six joints never
+        can, nor one of seven of which another has failed.
         """
         from mlivr_gym.robot.failed_joints import fields_with_failed_joint
 
@@ -275,22 +233,15 @@ class RobotSpec(DerivedFigures):
     def save(self, path: str | Path) -> None:
         """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.
 
-        Raises
-        ------
-        FileError
-            If the file cannot be written.
+        Raises a `FileError` if the file cannot be written.
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     def to_mjcf(self, path: str | Path | None = None) -> str:
         """Return the robot as MJCF, written to a file if `path` is given.
 
-        Raises
-        ------
-        RobotError
-            If its masses are not known.
-        FileError
-            If the file cannot be written.
+        Raises a `RobotError` if its masses are not known, and a `FileError` if the file cannot be
+        written.
         """
         from mlivr_gym.robot.export import as_mjcf
 
@@ -309,35 +260,7 @@ class RobotSpec(DerivedFigures):
 SIZE = Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")
 """A length that may be zero."""
 
-ROBOT = Struct(
-    RobotSpec,
-    {
-        "name": NAME,
-        "limbs": Integer(2, MOST_LIMBS),
-        "limb": Named(LIMB_OF_FAMILY, arm_limb),
-        "mount_radius": SIZE,
-        "tool_length": SIZE,
-        "characteristic_length": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
-        "grasp_separation": SIZE,
-        "span": Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m"),
-        "heights": Tuples((None,), -MAX_ROBOT_LENGTH, MAX_ROBOT_LENGTH, "m", (1, MOST_POSES)),
-        "rolls": Tuples((None,), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_POSES)),
-        "lift": SIZE,
-        "folds": Tuples((None, 5), -FARTHEST_TURN, FARTHEST_TURN, "rad", (1, MOST_FOLDS)),
-        "capsules": OrNone(ListOf(CAPSULE, most=MOST_CAPSULES)),
-        "body_size": SizeOrEdges(),
-        "body_mass": Tuples((), *MASSES, "kg"),
-        "gripper_mass": Tuples((), 0.0, MASSES[1], "kg"),
-        "dynamics": OrNone(Named(LIMB_DYNAMICS, arm_dynamics)),
-        "mounts": OrNone(ListOf(MOUNT, 2, MOST_LIMBS)),
-        "apart": ListOf(PairOf(APART), 0, len(APART)),
-        "body_centre": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
-        "body_inertia": OrNone(Tuples((6,), -1e6, 1e6, "kg m^2")),
-        "source": Text(0, MAX_REMARK_LENGTH),
-        "visuals": OrNone(ListOf(VISUAL, most=MOST_VISUALS)),
-        "cargo": OrNone(CARGO),
-    },
-)
+ROBOT = Struct.of(RobotSpec)
 """Fields of a `RobotSpec`."""
 
 MLIVR2 = RobotSpec(name="mlivr2")
@@ -366,16 +289,10 @@ def robot_spec(
 ) -> RobotSpec:
     """Return a robot by name, from a file, from plain data, or as it is.
 
-    Parameters
-    ----------
-    robot
-        The name of a robot that ships, the path of a JSON, URDF (`.urdf`) or MJCF file (`.xml`,
-        `.mjcf`), plain data (`RobotSpec.to_dict`), or a robot; `place` is where it stands.
-
-    Raises
-    ------
-    RobotError
-        If the name is unknown and no such file exists, or the description is faulty.
+    Given is the name of a robot that ships, the path of a JSON, URDF (`.urdf`) or MJCF file
+    (`.xml`, `.mjcf`), plain data (`RobotSpec.to_dict`), or a robot; `place` is where it stands.
+    Raises a `RobotError` if the name is unknown and no such file exists, or the description is
+    faulty.
 
     Examples
     --------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -15,14 +16,17 @@ from mlivr_gym.robot.limb import (
     FAMILIES,
     FARTHEST_TURN,
     FORTH,
-    LENGTH,
     STRAIGHT,
     AnchorPlace,
+    Angle,
+    Length,
     LimbBase,
     LinkOffset,
+    SixAngles,
+    share_of,
 )
 from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
-from mlivr_gym.values import MIN_SIZE, Triple
+from mlivr_gym.values import MIN_SIZE
 
 HELD_JOINT = 3
 """The joint of a seven-joint arm that is held by default: the roll of the upper arm."""
@@ -88,61 +92,47 @@ class SphericalWristLimb(LimbBase):
     `det(J J^T)` is the sum of the squares of the determinants of all choices of six columns
     (Cauchy-Binet).
 
-    Attributes
-    ----------
-    family
-        `"spherical_wrist"`.
-    d1
-        Height of axis 2 over the base [m].
-    a1
-        Distance of axis 2 from axis 1 [m]; of seven joints 0 unless joint 2 is held.
-    d2
-        Offset of the arm along axis 2 [m]; of seven joints 0 unless joint 1 or 3 is held.
-    a2
-        Upper arm, from axis 2 to the elbow axis [m].
-    b2
-        Distance of the elbow axis from the line along the upper arm [m]; 0 of an arm of six joints.
-    a3
-        Distance of the forearm's axis from the elbow axis [m].
-    d4
-        Forearm, from the elbow to the wrist point [m].
-    d6
-        From the wrist point to the flange [m].
-    held_joint
-        Number of the joint of a seven-joint arm that is held, one of `HELD_JOINTS`; None of six.
-    held_angle
-        Angle at which it is held [rad].
-    joint_limits
-        Lower and upper limit of each joint [rad], the held one among them: seven or six pairs.
-    window_starts
-        Where the turn begins in which each of the six joints stays while the limb holds [rad], see
-        `windows`.
-    d3
-        Offset of the arm along the elbow axis [m]; 0 of an arm of six joints.
-    a6
-        Distance of axis 7 from axis 6 [m]; 0 unless joint 6 is held.
-
     Examples
     --------
     >>> SphericalWristLimb(held_angle=0.7).windows.shape
     (6, 2)
     """
 
-    family: str = FAMILIES[1]
-    d1: float = 0.36
-    a1: float = 0.0
-    d2: float = 0.0
-    a2: float = 0.42
-    a3: float = 0.0
-    d4: float = 0.4
-    d6: float = 0.126
-    held_joint: int | None = HELD_JOINT
-    held_angle: float = 0.0
-    joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
-    window_starts: tuple[float, ...] = WINDOW_STARTS
-    b2: float = 0.0
-    d3: float = 0.0
-    a6: float = 0.0
+    family: Annotated[str, Choice(FAMILIES[1:])] = FAMILIES[1]
+    """`"spherical_wrist"`."""
+    d1: Length = 0.36
+    """Height of axis 2 over the base [m]."""
+    a1: Length = 0.0
+    """Distance of axis 2 from axis 1 [m]; of seven joints 0 unless joint 2 is held."""
+    d2: Length = 0.0
+    """Offset of the arm along axis 2 [m]; of seven joints 0 unless joint 1 or 3 is held."""
+    a2: Length = 0.42
+    """Upper arm, from axis 2 to the elbow axis [m]."""
+    a3: Length = 0.0
+    """Distance of the forearm's axis from the elbow axis [m]."""
+    d4: Length = 0.4
+    """Forearm, from the elbow to the wrist point [m]."""
+    d6: Length = 0.126
+    """From the wrist point to the flange [m]."""
+    held_joint: Annotated[int | None, OrNone(Integer(1, 7))] = HELD_JOINT
+    """Number of the joint of a seven-joint arm that is held, one of `HELD_JOINTS`; None of six."""
+    held_angle: Angle = 0.0
+    """Angle at which it is held [rad]."""
+    joint_limits: Annotated[
+        tuple[tuple[float, float], ...],
+        Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
+    ] = JOINT_LIMITS
+    """Lower and upper limit of each joint [rad], the held one among them: seven or six pairs."""
+    window_starts: SixAngles = WINDOW_STARTS
+    """Where the turn begins in which each of the six joints stays while the limb holds [rad], see
+    `windows`."""
+    b2: Length = 0.0
+    """Distance of the elbow axis from the line along the upper arm [m]; 0 of an arm of six
+    joints."""
+    d3: Length = 0.0
+    """Offset of the arm along the elbow axis [m]; 0 of an arm of six joints."""
+    a6: Length = 0.0
+    """Distance of axis 7 from axis 6 [m]; 0 unless joint 6 is held."""
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -230,11 +220,6 @@ class SphericalWristLimb(LimbBase):
         return np.array(SHIFTS[self.held_joint])
 
     @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return self.link_distances[-1]
-
-    @property
     def arm_length(self) -> float:
         """Length of upper arm and forearm together [m]."""
         return float(np.hypot(self.a2, self.b2) + np.hypot(self.a3, self.d4))
@@ -306,11 +291,6 @@ class SphericalWristLimb(LimbBase):
         }
 
     @property
-    def side_offsets(self) -> tuple[float, float] | None:
-        """None: no links keep clear of each other by lying side by side."""
-        return None
-
-    @property
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper."""
         places = [place for place, _ in self.link_offsets]
@@ -333,8 +313,8 @@ class SphericalWristLimb(LimbBase):
             return (
                 *stands,
                 Capsule("forearm", (0.0, 0.0, 0.5 * places[3][2]), places[3], radius),
-                Capsule("wrist_1", here, _share(0.65, places[4]), radius),
-                Capsule("wrist_2", here, _share(0.25, places[5]), radius),
+                Capsule("wrist_1", here, share_of(0.65, places[4]), radius),
+                Capsule("wrist_2", here, share_of(0.25, places[5]), radius),
                 tip,
             )
         # Wrist 1 begins where it is clear of the upper arm of a stretched limb.
@@ -371,21 +351,5 @@ class SphericalWristLimb(LimbBase):
         return float(self.link_distances[0] + abs(d1) + wrist + abs(d6))
 
 
-def _share(share: float, place: Triple) -> Triple:
-    """Return a part of the way to a place."""
-    x, y, z = place
-    return share * x, share * y, share * z
-
-
-SPHERICAL_WRIST_LIMB = Struct(
-    SphericalWristLimb,
-    {
-        "family": Choice(FAMILIES[1:]),
-        **dict.fromkeys(("d1", "a1", "d2", "a2", "b2", "a3", "d3", "d4", "d6", "a6"), LENGTH),
-        "held_joint": OrNone(Integer(1, 7)),
-        "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-        "joint_limits": Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
-        "window_starts": Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-    },
-)
+SPHERICAL_WRIST_LIMB = Struct.of(SphericalWristLimb)
 """Fields of a `SphericalWristLimb`."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.limb import FARTHEST_TURN, LENGTH, LIMB, Limb
+from mlivr_gym.robot.limb import FARTHEST_TURN, Angle, Length, Limb, SixAngles
 from mlivr_gym.schema import Choice, FieldPath, Integer, Struct, Tuples
 
 SSRMS = "ssrms"
@@ -59,45 +60,36 @@ class SsrmsLimb(Limb):
 
     Joints 1 and 2 cross at a right angle, 2 and 3, 5 and 6, 6 and 7 are perpendicular, 3, 4 and 5
     parallel, with the offsets of the booms in `d4`. The European Robotic Arm and the arms of the
-    Chinese station are alike. Joints 2 to 7 have the UR form in standard DH convention; the
-    defaults are the lengths of Nguyen and Hughes (1994).
+    Chinese station are alike. Joints 2 to 7 have the UR form in standard DH convention, whose
+    lengths d1 to d6 [m] are those of a `Limb`; the defaults are those of Nguyen and Hughes (1994).
 
     The z axis of the limb's mount is that of joint 1. A joint that is held does not move while the
     limb holds or swings. Manipulability is that of the six joints that move, a lower bound of that
     of all seven: `det(J J^T)` is the sum of the squares of the determinants of all choices of six
     columns (Cauchy-Binet).
-
-    Attributes
-    ----------
-    d1, a2, a3, d4, d5, d6
-        Lengths of the UR form of joints 2 to 7 [m], see `Limb`.
-    joint_limits
-        Lower and upper limit of each of the seven joints [rad], the held one among them.
-    window_starts
-        Where the turn begins in which each of the six joints that move stays while the limb holds
-        [rad], see `windows`.
-    family
-        `"ssrms"`.
-    d0
-        From the mount along the axis of joint 1 to that of joint 2 [m].
-    held_joint
-        1.
-    held_angle
-        Angle at which it is held [rad]; at 0 the axis of joint 2 is the x axis of the mount.
     """
 
-    d1: float = 0.7026
-    a2: float = 7.11
-    a3: float = 7.11
-    d4: float = 2.0 * PITCH + ELBOW
-    d5: float = 0.7026
-    d6: float = 1.3589
-    joint_limits: tuple[tuple[float, float], ...] = JOINT_LIMITS
-    window_starts: tuple[float, ...] = WINDOW_STARTS
-    family: str = SSRMS
-    d0: float = 1.3589
-    held_joint: int | None = HELD_JOINT
-    held_angle: float = 0.0
+    d1: Length = 0.7026
+    a2: Length = 7.11
+    a3: Length = 7.11
+    d4: Length = 2.0 * PITCH + ELBOW
+    d5: Length = 0.7026
+    d6: Length = 1.3589
+    joint_limits: Annotated[
+        tuple[tuple[float, float], ...], Tuples((7, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad")
+    ] = JOINT_LIMITS
+    """Lower and upper limit of each of the seven joints [rad], the held one among them."""
+    window_starts: SixAngles = WINDOW_STARTS
+    """Where the turn begins in which each of the six joints that move stays while the limb holds
+    [rad], see `windows`."""
+    family: Annotated[str, Choice((SSRMS,))] = SSRMS
+    """`"ssrms"`."""
+    d0: Length = 1.3589
+    """From the mount along the axis of joint 1 to that of joint 2 [m]."""
+    held_joint: Annotated[int | None, Integer(HELD_JOINT, HELD_JOINT)] = HELD_JOINT
+    """1."""
+    held_angle: Angle = 0.0
+    """Angle at which it is held [rad]; at 0 the axis of joint 2 is the x axis of the mount."""
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -157,15 +149,5 @@ class SsrmsLimb(Limb):
         return abs(self.d0) + flange if flange else 0.0
 
 
-SSRMS_LIMB = Struct(
-    SsrmsLimb,
-    {
-        **LIMB.validators,
-        "family": Choice((SSRMS,)),
-        "d0": LENGTH,
-        "joint_limits": Tuples((7, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-        "held_joint": Integer(HELD_JOINT, HELD_JOINT),
-        "held_angle": Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad"),
-    },
-)
+SSRMS_LIMB = Struct.of(SsrmsLimb)
 """Fields of an `SsrmsLimb`."""

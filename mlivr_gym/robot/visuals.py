@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -16,6 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, Triple
 
@@ -28,33 +29,28 @@ LARGEST_SCALE = 1e3
 MOST_VISUALS = 64
 """Largest number of visual meshes of a limb."""
 
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, from 0 to 1."""
+
 
 @dataclass(frozen=True)
 class Visual:
-    """A mesh file that shows a link of a limb.
+    """A mesh file that shows a link of a limb."""
 
-    Attributes
-    ----------
-    link
-        One of `capsules.LINKS`.
-    file
-        Path of the file, STL or OBJ; one that is missing is named when the robot is drawn.
-    position
-        Where the mesh's origin lies in the frame of the link [m].
-    quaternion
-        Its orientation there, w, x, y, z.
-    scale
-        Factors from the file's units to metres.
-    colour
-        Red, green, blue and opacity, from 0 to 1; None for the colour of the limb.
-    """
-
-    link: str
-    file: str
-    position: Triple = (0.0, 0.0, 0.0)
-    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
-    scale: Triple = (1.0, 1.0, 1.0)
-    colour: tuple[float, float, float, float] | None = None
+    link: Annotated[str, Choice(LINKS)]
+    """One of `capsules.LINKS`."""
+    file: Annotated[str, Text(1, MAX_REMARK_LENGTH)]
+    """Path of the file, STL or OBJ; one that is missing is named when the robot is drawn."""
+    position: Annotated[Triple, Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")] = (0.0, 0.0, 0.0)
+    """Where the mesh's origin lies in the frame of the link [m]."""
+    quaternion: Annotated[
+        tuple[float, float, float, float], Tuples((4,), -1.0 - 1e-9, 1.0 + 1e-9)
+    ] = (1.0, 0.0, 0.0, 0.0)
+    """Its orientation there, w, x, y, z."""
+    scale: Annotated[Triple, Tuples((3,), most=LARGEST_SCALE)] = (1.0, 1.0, 1.0)
+    """Factors from the file's units to metres."""
+    colour: Annotated[Colour | None, OrNone(Tuples((4,), 0.0, 1.0))] = None
+    """Red, green, blue and opacity, from 0 to 1; None for the colour of the limb."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -65,30 +61,16 @@ class Visual:
         """Frame of the mesh in that of the link, shape (4, 4)."""
         from scipy.spatial.transform import Rotation
 
-        out = np.eye(4)
-        out[:3, :3] = Rotation.from_quat(self.quaternion, scalar_first=True).as_matrix()
-        out[:3, 3] = self.position
-        return out
+        turn = Rotation.from_quat(self.quaternion, scalar_first=True)
+        return rigid(turn.as_matrix(), self.position)
 
     def turned(self, rotation: Array) -> Visual:
         """Return it in a frame of the link that is turned by a rotation, shape (3, 3)."""
-        back = np.eye(4)
-        back[:3, :3] = rotation.T
         mesh = BodyMesh(self.file, self.frame, self.scale, self.colour)
-        return mesh.seen_from(self.link, back)
+        return mesh.seen_from(self.link, rigid(rotation.T, np.zeros(3)))
 
 
-VISUAL = Struct(
-    Visual,
-    {
-        "link": Choice(LINKS),
-        "file": Text(1, MAX_REMARK_LENGTH),
-        "position": Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"),
-        "quaternion": Tuples((4,), -1.0 - 1e-9, 1.0 + 1e-9),
-        "scale": Tuples((3,), most=LARGEST_SCALE),
-        "colour": OrNone(Tuples((4,), 0.0, 1.0)),
-    },
-)
+VISUAL = Struct.of(Visual)
 """Fields of a `Visual`."""
 
 
@@ -101,7 +83,7 @@ class BodyMesh(NamedTuple):
     """Frame of the mesh in that of the body, shape (4, 4)."""
     scale: Triple
     """Factors from the file's units to metres."""
-    colour: tuple[float, float, float, float] | None
+    colour: Colour | None
     """Red, green, blue and opacity, None if the file says nothing."""
 
     def seen_from(self, link: str, body: Array) -> Visual:
@@ -183,7 +165,7 @@ def _meshes_of(
         yield BodyMesh(name if file is None else str(file), frame, (a, b, c), colour_of(rgba))
 
 
-def colour_of(rgba: Sequence[float]) -> tuple[float, float, float, float] | None:
+def colour_of(rgba: Sequence[float]) -> Colour | None:
     """Return four components from 0 to 1, None if there are not four."""
     if len(rgba) != 4:
         return None
@@ -236,8 +218,8 @@ def placed_meshes(
 
     out: dict[str, tuple[BodyMesh, ...]] = {}
     for name, body, mesh in found:
-        geom, frame, turn = model.geom(name), np.eye(4), np.empty(9)
+        geom, turn = model.geom(name), np.empty(9)
         mujoco.mju_quat2Mat(turn, geom.quat)
-        frame[:3, :3], frame[:3, 3] = turn.reshape(3, 3), geom.pos
-        out[body] = (*out.get(body, ()), mesh._replace(frame=frame))
+        placed = mesh._replace(frame=rigid(turn.reshape(3, 3), geom.pos))
+        out[body] = (*out.get(body, ()), placed)
     return out

@@ -39,10 +39,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
-from mlivr_gym.schema import Flag, Integer, Tuples, Validator
+from mlivr_gym.schema import Flag, Integer, Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
+
+PositionGains = Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e6, "N m/rad")]
+VelocityGains = Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e6, "N m s/rad")]
+"""Gains of the six joints of a limb."""
 
 
 @dataclass(frozen=True)
@@ -55,59 +59,43 @@ class ControllerParameters(ParameterSet):
     (100.0, 100.0, 100.0, 100.0, 100.0, 100.0)
     """
 
-    kp_free: tuple[float, ...] = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
+    kp_free: PositionGains = (800.0, 1200.0, 1200.0, 200.0, 200.0, 160.0)
     """Position gain of each joint of a free limb [N m/rad]."""
-    kd_free: tuple[float, ...] = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
+    kd_free: VelocityGains = (40.0, 60.0, 60.0, 10.0, 10.0, 8.0)
     """Velocity gain of each joint of a free limb [N m s/rad]."""
-    kp_hold: tuple[float, ...] = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
+    kp_hold: PositionGains = (800.0, 1200.0, 1200.0, 1000.0, 1400.0, 1200.0)
     """Position gain of each joint of a support limb [N m/rad]."""
-    kd_hold: tuple[float, ...] = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
+    kd_hold: VelocityGains = (80.0, 120.0, 120.0, 50.0, 70.0, 60.0)
     """Velocity gain of each joint of a support limb [N m s/rad]."""
-    period: float = 0.002
+    period: Annotated[float, Tuples((), 1e-5, 0.1, "s")] = 0.002
     """Sampling period [s], rounded to a multiple of the time step."""
-    feedforward: bool = True
+    feedforward: Annotated[bool, Flag()] = True
     """Whether the torques of the inverse dynamics and the deflection of the grasps are fed forward,
     see `feedforward.feedforward`."""
-    align_references: bool = True
+    align_references: Annotated[bool, Flag()] = True
     """Whether the references are set to the encoder readings at the beginning of a step, and moved
     to where cameras see the robot."""
-    recovery: float = 1.0
+    recovery: Annotated[float, Tuples((), 1e-3, 1e6, "s")] = 1.0
     """Time constant with which the offset of the references decays during departure and swing
     [s]."""
-    guided: bool = True
+    guided: Annotated[bool, Flag()] = True
     """Whether a sensor on the gripper guides the approach."""
-    sensor_period: float = 0.02
+    sensor_period: Annotated[float, Tuples((), 1e-4, 1.0, "s")] = 0.02
     """Sampling period of that sensor [s]."""
-    guidance: float = 1.0
+    guidance: Annotated[float, Tuples((), 0.0, 100.0, "1/s")] = 1.0
     """Gain of the guidance: rate at which the measured error is removed [1/s]."""
-    patience: float = 6.0
+    patience: Annotated[float, Tuples((), 0.0, 60.0, "s")] = 6.0
     """Longest time for which the gripper waits at the end of the approach until the measured error
     is small and the gripper is at rest [s]."""
-    attempts: int = 2
+    attempts: Annotated[int, Integer(1, 10)] = 2
     """Largest number of approaches to a point. On all but the last the gripper must also be close
     to the point by its own sensor before it grasps."""
-    delay: float = 0.0
+    delay: Annotated[float, Tuples((), 0.0, 0.1, "s")] = 0.0
     """Delay from a reading to its torque for which the gains are reduced [s]. A reading is compared
     with the reference of its time."""
 
     label: ClassVar[str] = "controller"
     renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "kp_free": Tuples((6,), 0.0, 1e6, "N m/rad"),
-        "kd_free": Tuples((6,), 0.0, 1e6, "N m s/rad"),
-        "kp_hold": Tuples((6,), 0.0, 1e6, "N m/rad"),
-        "kd_hold": Tuples((6,), 0.0, 1e6, "N m s/rad"),
-        "period": Tuples((), 1e-5, 0.1, "s"),
-        "feedforward": Flag(),
-        "align_references": Flag(),
-        "recovery": Tuples((), 1e-3, 1e6, "s"),
-        "guided": Flag(),
-        "sensor_period": Tuples((), 1e-4, 1.0, "s"),
-        "guidance": Tuples((), 0.0, 100.0, "1/s"),
-        "patience": Tuples((), 0.0, 60.0, "s"),
-        "attempts": Integer(1, 10),
-        "delay": Tuples((), 0.0, 0.1, "s"),
-    }
 
 
 PAPER = ControllerParameters(

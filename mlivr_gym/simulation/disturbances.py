@@ -11,15 +11,14 @@ For encoders, points and grasps of this robot no values are published.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.schema import Tuples, Validator
+from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
@@ -40,57 +39,40 @@ class DisturbanceRanges(ParameterSet):
     (2, 6)
     """
 
-    friction: float = 0.0
+    friction: Annotated[float, Tuples((), 0.0, 1e3, "N m")] = 0.0
     """Upper bound of the Coulomb friction of each joint, uniform from 0 [N m]."""
-    damping: float = 0.0
+    damping: Annotated[float, Tuples((), 0.0, 1e3, "N m s/rad")] = 0.0
     """Upper bound of the viscous friction of each joint, uniform from 0 [N m s/rad]."""
-    encoder_bias: float = 0.0
+    encoder_bias: Annotated[float, Tuples((), 0.0, 1.0, "rad")] = 0.0
     """Bound of the constant error of each encoder, uniform in plus and minus this [rad]."""
-    encoder_noise: float = 0.0
+    encoder_noise: Annotated[float, Tuples((), 0.0, 1.0, "rad")] = 0.0
     """Standard deviation of each encoder reading [rad]."""
-    speed_noise: float = 0.0
+    speed_noise: Annotated[float, Tuples((), 0.0, 10.0, "rad/s")] = 0.0
     """Standard deviation of each reading of a joint velocity [rad/s]."""
-    delay: float = 0.0
+    delay: Annotated[float, Tuples((), 0.0, 0.1, "s")] = 0.0
     """Time from a reading to the torque computed from it [s]."""
-    acceleration: float = 0.0
+    acceleration: Annotated[float, Tuples((), 0.0, 1.0, "g")] = 0.0
     """Magnitude of the residual acceleration, in a direction drawn for each walk [g]."""
-    payload: float = 0.0
+    payload: Annotated[float, Tuples((), 0.0, 1e4, "kg")] = 0.0
     """Upper bound of a mass at the centre of the body, uniform from 0 [kg]."""
-    masses: float = 0.0
+    masses: Annotated[float, Tuples((), 0.0, 0.9)] = 0.0
     """Relative bound of the error of mass and inertia of each body, uniform."""
-    stiffness: float = 1.0
+    stiffness: Annotated[float, Tuples((), 1.0, 100.0)] = 1.0
     """Largest factor of stiffness and damping of each grasp, log-uniform from its inverse; 1 for
     none."""
-    point_position: float = 0.0
+    point_position: Annotated[float, Tuples((), 0.0, 1.0, "m")] = 0.0
     """Radius of the ball in which each point is displaced, uniform [m]."""
-    point_angle: float = 0.0
+    point_angle: Annotated[float, Tuples((), 0.0, 1.0, "rad")] = 0.0
     """Upper bound of the angle by which each point is rotated about a random axis, uniform from 0
     [rad]."""
-    sensor_position: float = 0.001
+    sensor_position: Annotated[float, Tuples((), 0.0, 1.0, "m")] = 0.001
     """Standard deviation of the gripper sensor in each position component [m]."""
-    sensor_angle: float = float(np.deg2rad(0.5))
+    sensor_angle: Annotated[float, Tuples((), 0.0, 1.0, "rad")] = float(np.deg2rad(0.5))
     """Standard deviation of the gripper sensor in each rotation component [rad]."""
-    refusal: float = 0.0
+    refusal: Annotated[float, Tuples((), 0.0, 0.95)] = 0.0
     """Probability that an attempt to grasp fails although the gripper is at its point."""
 
     label: ClassVar[str] = "disturbances"
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "friction": Tuples((), 0.0, 1e3, "N m"),
-        "damping": Tuples((), 0.0, 1e3, "N m s/rad"),
-        "encoder_bias": Tuples((), 0.0, 1.0, "rad"),
-        "encoder_noise": Tuples((), 0.0, 1.0, "rad"),
-        "speed_noise": Tuples((), 0.0, 10.0, "rad/s"),
-        "delay": Tuples((), 0.0, 0.1, "s"),
-        "acceleration": Tuples((), 0.0, 1.0, "g"),
-        "payload": Tuples((), 0.0, 1e4, "kg"),
-        "masses": Tuples((), 0.0, 0.9),
-        "stiffness": Tuples((), 1.0, 100.0),
-        "point_position": Tuples((), 0.0, 1.0, "m"),
-        "point_angle": Tuples((), 0.0, 1.0, "rad"),
-        "sensor_position": Tuples((), 0.0, 1.0, "m"),
-        "sensor_angle": Tuples((), 0.0, 1.0, "rad"),
-        "refusal": Tuples((), 0.0, 0.95),
-    }
 
     def only(self, name: str) -> DisturbanceRanges:
         """Return one of these disturbances, with the others at their defaults."""

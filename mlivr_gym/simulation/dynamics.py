@@ -18,12 +18,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Tuples, Validator
+from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
@@ -37,48 +37,41 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
 
 
+POSITIVE = Tuples((), 1e-12, 1e12)
+"""Valid stiffness, damping and bounds."""
+
+
 @dataclass(frozen=True)
 class Physics(ParameterSet):
     """Parameters of the simulation, of grasps and of failures."""
 
-    timestep: float = 0.002
+    timestep: Annotated[float, Tuples((), 1e-5, 0.1, "s")] = 0.002
     """Time step [s]."""
-    grasp_stiffness: float = 1.0e4
+    grasp_stiffness: Annotated[float, POSITIVE] = 1.0e4
     """Translational stiffness of a grasp [N/m]."""
-    grasp_damping: float = 1.5e3
+    grasp_damping: Annotated[float, POSITIVE] = 1.5e3
     """Translational damping of a grasp [N s/m]; nine tenths of critical for 64 kg."""
-    grasp_rotational_stiffness: float = 2.0e3
+    grasp_rotational_stiffness: Annotated[float, POSITIVE] = 2.0e3
     """Rotational stiffness of a grasp [N m/rad]."""
-    grasp_rotational_damping: float = 5.7e2
+    grasp_rotational_damping: Annotated[float, POSITIVE] = 5.7e2
     """Rotational damping of a grasp [N m s/rad]; critical for 40 kg m^2, the inertia of the
     two-limb robot about a grasp."""
-    capture_distance: float = 0.01
+    capture_distance: Annotated[float, POSITIVE] = 0.01
     """Largest distance between gripper and point at which a grasp succeeds [m]."""
-    capture_angle: float = float(np.deg2rad(2.0))
+    capture_angle: Annotated[float, POSITIVE] = float(np.deg2rad(2.0))
     """Largest angle between gripper and point at which a grasp succeeds [rad]."""
-    hold_force: float = 200.0
+    hold_force: Annotated[float, POSITIVE] = 200.0
     """Force beyond which a grasp is lost [N]."""
-    hold_torque: float = 100.0
+    hold_torque: Annotated[float, POSITIVE] = 100.0
     """Torque beyond which a grasp is lost [N m]."""
-    saturation_time: float = 0.1
+    saturation_time: Annotated[float, POSITIVE] = 0.1
     """Time for which a joint torque may be at its limit before the joint fails [s]."""
-    joint_limit_tolerance: float = float(np.deg2rad(3.0))
+    joint_limit_tolerance: Annotated[float, POSITIVE] = float(np.deg2rad(3.0))
     """Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
     controller stops there."""
 
     label: ClassVar[str] = "physics"
     renamed: ClassVar[Mapping[str, str]] = {"limit_margin": "joint_limit_tolerance"}
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "timestep": Tuples((), 1e-5, 0.1, "s"),
-        **dict.fromkeys(
-            (
-                "grasp_stiffness", "grasp_damping", "grasp_rotational_stiffness",
-                "grasp_rotational_damping", "capture_distance", "capture_angle", "hold_force",
-                "hold_torque", "saturation_time", "joint_limit_tolerance",
-            ),
-            Tuples((), 1e-12, 1e12),
-        ),
-    }  # fmt: skip
 
 
 STATION = Physics(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
 from mlivr_gym.motion.time_scaling import MAX_DURATION
-from mlivr_gym.schema import Choice, OrNone, Tuples, Validator
+from mlivr_gym.schema import Choice, OrNone, Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
 PROFILES = ("fastest", "quintic")
@@ -24,37 +23,27 @@ class Limits(ParameterSet):
     25.0
     """
 
-    torque: float = 0.8
+    torque: Annotated[float, Tuples((), 1e-3, 1.0)] = 0.8
     """Fraction of each joint's torque limit that may be used."""
-    speed: float = 0.8
+    speed: Annotated[float, Tuples((), 1e-3, 1.0)] = 0.8
     """Fraction of each joint's velocity limit that may be used."""
-    grasp_force: float = 60.0
+    grasp_force: Annotated[float, Tuples((), 1e-3, 1e6, "N")] = 60.0
     """Largest force on a grasp [N]."""
-    grasp_torque: float = 30.0
+    grasp_torque: Annotated[float, Tuples((), 1e-3, 1e6, "N m")] = 30.0
     """Largest torque on a grasp [N m]."""
-    surface_speed: float = 0.2
+    surface_speed: Annotated[float, Tuples((), 1e-4, 10.0, "m/s")] = 0.2
     """Largest speed of a gripper during departure and approach [m/s]."""
-    rise_time: float = 0.2
+    rise_time: Annotated[float, Tuples((), 0.01, 10.0, "s")] = 0.2
     """Time in which the acceleration along the path may rise from zero to its maximum and fall
     again [s]; it bounds the jerk. It applies to the profile `"fastest"`."""
-    profile: str = "fastest"
+    profile: Annotated[str, Choice(PROFILES)] = "fastest"
     """One of `PROFILES`: `"fastest"` follows the limits along each path segment (time-optimal path
     parameterisation), `"quintic"` is the shortest quintic within them."""
-    step_duration: float | None = None
+    step_duration: Annotated[float | None, OrNone(Tuples((), 1e-3, MAX_DURATION, "s"))] = None
     """Duration of every step [s], to which all segments are slowed down by the same factor; None
     for the shortest."""
 
     label: ClassVar[str] = "limits"
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "torque": Tuples((), 1e-3, 1.0),
-        "speed": Tuples((), 1e-3, 1.0),
-        "grasp_force": Tuples((), 1e-3, 1e6, "N"),
-        "grasp_torque": Tuples((), 1e-3, 1e6, "N m"),
-        "surface_speed": Tuples((), 1e-4, 10.0, "m/s"),
-        "rise_time": Tuples((), 0.01, 10.0, "s"),
-        "profile": Choice(PROFILES),
-        "step_duration": OrNone(Tuples((), 1e-3, MAX_DURATION, "s")),
-    }
 
 
 GENTLE = Limits(torque=0.4, grasp_force=25.0, grasp_torque=12.0, surface_speed=0.1)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Any, ClassVar, Self
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import FieldPath, Struct, Validator
+from mlivr_gym.schema import FieldPath, Struct
 
 
 class ParameterSet:
@@ -14,8 +15,6 @@ class ParameterSet:
 
     label: ClassVar[str]
     """Name of the parameter set in messages."""
-    validators: ClassVar[Mapping[str, Validator[Any]]]
-    """Validator of each field."""
     presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
     renamed: ClassVar[Mapping[str, str]] = {}
@@ -23,7 +22,7 @@ class ParameterSet:
 
     def __post_init__(self) -> None:
         """Check every parameter."""
-        Struct(type(self), self.validators).check(self, FieldPath(self.label, SettingError))
+        self._schema().check(self, FieldPath(self.label, SettingError))
 
     @classmethod
     def of(cls, given: Self | dict[str, Any] | str | None) -> Self:
@@ -35,4 +34,11 @@ class ParameterSet:
             if isinstance(given, dict) and old in given:
                 raise SettingError(f"{cls.label} has the field {old!r}, whose name is now {new!r}")
         known = cls.presets or None
-        return Struct(cls, cls.validators).given(given, FieldPath(cls.label, SettingError), known)
+        found: Self = cls._schema().given(given, FieldPath(cls.label, SettingError), known)
+        return found
+
+    @classmethod
+    @cache
+    def _schema(cls) -> Struct[Any]:
+        """Return the validators of the fields."""
+        return Struct.of(cls)

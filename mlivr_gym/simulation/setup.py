@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.errors import SettingError
@@ -33,13 +33,19 @@ class Setup:
     (25.0, False, 5.0)
     """
 
-    timing: Limits | Durations = field(default_factory=Limits)
+    timing: Annotated[Limits | Durations, InstanceOf(Limits, Durations)] = field(
+        default_factory=Limits
+    )
     """`Limits` for a time-optimal execution, or fixed `Durations`."""
-    controller: ControllerParameters = field(default_factory=ControllerParameters)
+    controller: Annotated[ControllerParameters, InstanceOf(ControllerParameters)] = field(
+        default_factory=ControllerParameters
+    )
     """Parameters of the joint controller."""
-    physics: Physics = field(default_factory=Physics)
+    physics: Annotated[Physics, InstanceOf(Physics)] = field(default_factory=Physics)
     """Parameters of grasps and failures."""
-    disturbances: DisturbanceRanges = field(default_factory=DisturbanceRanges)
+    disturbances: Annotated[DisturbanceRanges, InstanceOf(DisturbanceRanges)] = field(
+        default_factory=DisturbanceRanges
+    )
     """Ranges of the disturbances."""
 
     def __post_init__(self) -> None:
@@ -90,13 +96,5 @@ class Setup:
         }
 
 
-SETUP = Struct(
-    Setup,
-    {
-        "timing": InstanceOf(Limits, Durations),
-        "controller": InstanceOf(ControllerParameters),
-        "physics": InstanceOf(Physics),
-        "disturbances": InstanceOf(DisturbanceRanges),
-    },
-)
+SETUP = Struct.of(Setup)
 """Schema of the fields of a `Setup`."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -60,17 +60,17 @@ class Box:
     (3.5, 0.0, -0.5)
     """
 
-    id: str
+    id: Annotated[str, NAME]
     """Name."""
-    kind: str
+    kind: Annotated[str, Choice(KINDS)]
     """One of `KINDS`."""
-    centre: Triple
+    centre: Annotated[Triple, CORNER]
     """Middle in the world [m]."""
-    half: Triple
+    half: Annotated[Triple, Tuples((3,), MIN_SIZE, MAX_LENGTH, "m")]
     """Half edges along the box's axes [m]."""
-    rotation: tuple[Triple, Triple, Triple] = UNIT
+    rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()] = UNIT
     """Rows of the rotation from the box's axes to the world's."""
-    face: str = ""
+    face: Annotated[str, Text(least=0)] = ""
     """Cabin face that it belongs to, for pictures."""
 
     def __post_init__(self) -> None:
@@ -153,17 +153,7 @@ class Box:
 CORNER = Tuples((3,), most=MAX_LENGTH, unit="m")
 """A point of the world."""
 
-BOX_DATA = Struct(
-    Box,
-    {
-        "id": NAME,
-        "kind": Choice(KINDS),
-        "centre": CORNER,
-        "half": Tuples((3,), MIN_SIZE, MAX_LENGTH, "m"),
-        "rotation": Rotation(),
-        "face": Text(least=0),
-    },
-)
+BOX_DATA = Struct.of(Box)
 """Fields of a `Box`."""
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -22,13 +23,13 @@ class Segment:
     Ends [m] and outward surface normal are given in the map's frame, width and thickness in [m].
     """
 
-    id: str
-    face: str
-    start: Triple
-    end: Triple
-    normal: Triple
-    width: float = 0.0256
-    thickness: float = 0.013
+    id: Annotated[str, NAME]
+    face: Annotated[str, NAME]
+    start: Annotated[Triple, POSITION]
+    end: Annotated[Triple, POSITION]
+    normal: Annotated[Triple, DIRECTION]
+    width: Annotated[float, LENGTH] = 0.0256
+    thickness: Annotated[float, LENGTH] = 0.013
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -57,13 +58,13 @@ class Handrail:
     Lower and upper corners are given in the map's frame [m]; `axis` is that of the bar.
     """
 
-    id: str
-    face: str
-    min: Triple
-    max: Triple
-    axis: str = "x"
-    bar_min: Triple | None = None
-    bar_max: Triple | None = None
+    id: Annotated[str, NAME]
+    face: Annotated[str, NAME]
+    min: Annotated[Triple, POSITION]
+    max: Annotated[Triple, POSITION]
+    axis: Annotated[str, Choice(("x", "y", "z"))] = "x"
+    bar_min: Annotated[Triple | None, OrNone(POSITION)] = None
+    bar_max: Annotated[Triple | None, OrNone(POSITION)] = None
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -98,20 +99,8 @@ LENGTH = Tuples((), MIN_SIZE, MAX_LENGTH, "m")
 POSITION = replace(CORNER, hint="for a map in millimetres give unit 'mm'")
 """A position in a map."""
 
-SEGMENT = Struct(
-    Segment,
-    {
-        "id": NAME, "face": NAME, "start": POSITION, "end": POSITION, "normal": DIRECTION,
-        "width": LENGTH, "thickness": LENGTH,
-    },
-)  # fmt: skip
+SEGMENT = Struct.of(Segment)
 """Fields of a `Segment`."""
 
-HANDRAIL = Struct(
-    Handrail,
-    {
-        "id": NAME, "face": NAME, "min": POSITION, "max": POSITION, "axis": Choice(("x", "y", "z")),
-        "bar_min": OrNone(POSITION), "bar_max": OrNone(POSITION),
-    },
-)  # fmt: skip
+HANDRAIL = Struct.of(Handrail)
 """Fields of a `Handrail`."""
