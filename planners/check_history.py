@@ -49,7 +49,7 @@ class CheckHistory:
         self._base_position, self._cell = base_position, cells.cell
         self._centres = cells.low + CELL_EDGE / 2
         self._penalty = np.zeros(len(cells.low))
-        self._is_at_step = np.zeros(len(base_position), dtype=np.bool_)
+        self._at_steps = np.zeros(0, dtype=np.int64)
         self._keys, self._labels = np.empty(len(base_position)), 1
 
     def add_failures(self, nodes: IntArray) -> None:
@@ -63,7 +63,7 @@ class CheckHistory:
         is_step = checked_edges.kept_on(path.edges) != 0
         before, after = path.nodes[:-1], path.nodes[1:]
         self.add_failures(np.concatenate([before[~is_step], after[~is_step]]))
-        self._is_at_step[before[is_step]] = self._is_at_step[after[is_step]] = True
+        self._at_steps = np.union1d(self._at_steps, [before[is_step], after[is_step]])
 
     def ordered(self, h: Array, cost: Cost) -> Array:
         """Return keys for the open queue in place of lower bounds `h` of a cost, shape (n,).
@@ -73,8 +73,8 @@ class CheckHistory:
         unit, keys = cost.step_weight + STEP_LENGTH * cost.base_weight, self._keys
         np.take(unit * self._penalty, self._cell, out=keys, mode="clip")
         keys += h
-        keys[self._is_at_step] = np.maximum(h[self._is_at_step] - unit, MIN_COST_OUTSIDE_GOAL)
-        keys[h == 0.0] = 0.0
+        keys[self._at_steps] = np.maximum(h[self._at_steps] - unit, MIN_COST_OUTSIDE_GOAL)
+        keys[np.flatnonzero(h == 0.0)] = 0.0
         return keys
 
     def limited(self, parameters: SearchParameters) -> SearchParameters:

@@ -61,42 +61,58 @@ class ImplicitGraph(StanceGraph):
             else:
                 stances.releases[row, limb] = found
         unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
-        free = stances
         if self.obstacles:
-            free = stances._replace(
-                branch_sets=self._free_branch_sets(stances, np.unique(unknown[:, 0]))
-            )
-        super()._check_releases(free, unknown)
+            self._check_releases_among_obstacles(stances, unknown)
+        else:
+            super()._check_releases(stances, unknown)
         rows, limbs = unknown.T
         stances.releases["branches"][rows, limbs] &= stances.branch_sets[rows, limbs]
         for row, limb, key in new:
             self._releases[key] = stances.releases[row, limb].copy()
 
-    def _free_branch_sets(self, stances: StanceArrays, rows: IntArray) -> IntArray:
-        """Return the branch sets of stances, without obstacles for some of them, shape (k, N).
+    def _check_releases_among_obstacles(self, stances: StanceArrays, todo: IntArray) -> None:
+        """Compute releases among obstacles.
 
         The motion by which a limb is released is chosen without obstacles, which only remove
-        branches from it: so obstacles never add a step.
+        branches from it: so obstacles never add a step. Branches on which the table says that a
+        limb cannot be released need no check, and if it can reach one fold at most, its motion is
+        known and is compared with the obstacles alone.
         """
-        branch_sets, points = stances.branch_sets.copy(), stances.points[rows]
-        position, rotation = stances.base["position"][rows], stances.base["rotation"][rows]
+        if not len(todo):
+            return
+        rows, limbs = todo.T
+        chosen, place = np.unique(rows, return_inverse=True)
+        free = StanceArrays(*(one[place] for one in self._free_stances(stances, chosen)))
+        releases, items = free.releases, np.arange(len(rows))
+        is_known = releases["known"][items, limbs]
+        able, folds = releases["branches"][items, limbs], releases["folds"][items, limbs]
+        free.branch_sets[items[is_known], limbs[is_known]] = able[is_known]
+        fold = np.bitwise_count(np.maximum(folds, 1) - 1)
+        releases["root"][items, limbs], releases["via"][items, limbs] = fold, fold[:, None]
+        one_fold = is_known & (np.bitwise_count(folds) <= 1)
+        for some, obstacles_only in ((one_fold, True), (~one_fold, False)):
+            world = self.checks.world(self.obstacle_grid, obstacles_only)
+            self.checks.release(free, np.stack([items, limbs], axis=1)[some], world)
+        stances.releases[rows, limbs] = releases[items, limbs]
+
+    def _free_stances(self, stances: StanceArrays, rows: IntArray) -> StanceArrays:
+        """Return some stances as they are without obstacles, with releases that the table knows."""
+        points, base = stances.points[rows], stances.base[rows]
+        position, rotation = base["position"], base["rotation"]
         if self.table is None:
-            found = self.solver.solve(points, nodes_only=True)
-            base, branch_sets[rows], given = (
-                found.base_rows,
-                found.branch_sets,
-                np.zeros(len(rows), np.bool_),
-            )
+            found, given = self.solver.solve(points, nodes_only=True), np.zeros(len(rows), np.bool_)
+            free = self.checks.stances(points, found)
         else:
             known, relabellings = self.table.find(points, self.robot)
-            nodes = node_stances(self.grasp_map, self.robot, self.table, known, -relabellings)
-            base, branch_sets[rows], given = nodes.base, nodes.branch_sets, known < 0
-        given |= (abs(base["position"] - position) > SAME).any(axis=1)
-        given |= (abs(base["rotation"] - rotation) > SAME).any(axis=(1, 2))
+            free = node_stances(self.grasp_map, self.robot, self.table, known, -relabellings)
+            given = known < 0
+        given |= (abs(free.base["position"] - position) > SAME).any(axis=1)
+        given |= (abs(free.base["rotation"] - rotation) > SAME).any(axis=(1, 2))
         if given.any():
             where = points[given], position[given], rotation[given]
-            branch_sets[rows[given]] = self.solver.at(*where, thresholds=(0.0, 0.0)).branch_sets
-        return branch_sets
+            free.branch_sets[given] = self.solver.at(*where, thresholds=(0.0, 0.0)).branch_sets
+            free.releases["known"][given] = False
+        return free._replace(points=points, base=base)
 
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         self._releases = {}

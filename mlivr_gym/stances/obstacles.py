@@ -8,7 +8,6 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arguments import InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
@@ -60,7 +59,7 @@ BOXES = Reader(_boxes)
 class PositionCells(NamedTuple):
     """Positions by cells of a grid, which are compared with obstacles in place of them."""
 
-    cell: NDArray[np.int32]
+    cell: IntArray
     """Cell of each position, shape (n,)."""
     low: Array
     """Lower corner of each cell [m], shape (c, 3)."""
@@ -69,17 +68,18 @@ class PositionCells(NamedTuple):
     def of(cls, positions: Array) -> PositionCells:
         """Return the cells of positions, shape (n, 3) [m]."""
         if not len(positions):
-            return cls(np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
-        first = np.floor(positions.min(axis=0) / CELL_EDGE)
-        shape = np.floor(positions.max(axis=0) / CELL_EDGE - first).astype(np.int64) + 2
+            return cls(np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+        columns = np.ascontiguousarray(positions.T)  # along which NumPy takes a third of the time
+        first = np.floor(columns.min(axis=1) / CELL_EDGE)
+        shape = np.floor(columns.max(axis=1) / CELL_EDGE - first).astype(np.int64) + 2
         number = np.zeros(len(positions), dtype=np.int32)
-        for axis in range(3):  # one by one, which takes a third of the time
-            number *= shape[axis]
-            number += (positions[:, axis] / CELL_EDGE - first[axis]).astype(np.int32)
+        for column, low, count in zip(columns, first, shape.tolist(), strict=True):
+            number *= count
+            number += (column / CELL_EDGE - low).astype(np.int32)
         is_used = np.zeros(math.prod(shape.tolist()), dtype=np.bool_)
         is_used[number] = True
         low = np.stack(np.unravel_index(np.flatnonzero(is_used), shape), axis=1) + first
-        return cls((np.cumsum(is_used, dtype=np.int32) - 1)[number], CELL_EDGE * low)
+        return cls((np.cumsum(is_used) - 1)[number], CELL_EDGE * low)
 
 
 class ChangingWorld(ABC):

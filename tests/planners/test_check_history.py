@@ -34,7 +34,7 @@ def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):
     history = CheckHistory(lazy_table)
     assert (history.ordered(h, Cost.named("steps")) == h).all()
     history.add_failures(np.array([failed, failed]))
-    history._is_at_step[at_step] = True
+    history._at_steps = np.array(at_step)
     keys = history.ordered(h, Cost.named("steps")).copy()
     others = np.setdiff1d(np.arange(len(base)), [goal, *at_step])
     late = keys[others] - 7.0

@@ -214,9 +214,10 @@ def test_steps_are_the_same_with_the_table(graph, table):
 
 
 def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
-    """Nor is remembered what it says of releases: not how a limb is released."""
+    """Releases begin with what it says of them, and are the same as without it."""
     known, plain = (stance_graph(graph.grasp_map, graph.robot) for _ in range(2))
     known.table, rng, fewer = table, np.random.default_rng(2), 0
+    points = table.points[:: len(table.points) // 20].astype(np.int64)
     for _ in range(12):
         state = random_state(graph, rng)
         free = len(known.successors(state).limb)
@@ -226,6 +227,10 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
             one.add_obstacles([Box.between("box", "obstacle", place - 0.1, place + 0.1)])
         for mine, theirs in zip(known.successors(state), plain.successors(state), strict=True):
             np.testing.assert_array_equal(mine, theirs)
+        postures = plain.nodes(points)
+        releases, expected = (one.all_releases(points, postures) for one in (known, plain))
+        for name in ("branches", "folds"):
+            np.testing.assert_array_equal(releases[name], expected[name])
         fewer += len(theirs) < free
         for one in (known, plain):
             one.remove_obstacles()
