@@ -7,14 +7,14 @@ are and how they move; seeing them is not simulated, and they are no part of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.schema import Tuples, Validator
+from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
 from mlivr_gym.values import MAX_LENGTH, Triple
 
@@ -36,25 +36,15 @@ ARM_RADIUS = 0.06
 ARM_LENGTH = 0.2
 """Distance of an elbow from the middle, relative to the height."""
 
+PLACE = Tuples((3,), most=MAX_LENGTH, unit="m")
+"""A position in the cabin."""
+
 _AROUND = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class CrewMember(ParameterSet):
     """A crew member who crosses the cabin on a line.
-
-    Attributes
-    ----------
-    start, end
-        Where its middle is before and after [m].
-    speed
-        Speed [m/s].
-    begin
-        Time at which it departs [s].
-    height
-        Length of the body from head to feet [m].
-    radius
-        Radius of the body [m].
 
     Examples
     --------
@@ -63,22 +53,20 @@ class CrewMember(ParameterSet):
     [3.5, 0.0, 0.0]
     """
 
-    start: Triple
-    end: Triple
-    speed: float = 0.5
-    begin: float = 0.0
-    height: float = 1.8
-    radius: float = 0.25
-
     label: ClassVar[str] = "crew member"
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "start": Tuples((3,), most=MAX_LENGTH, unit="m"),
-        "end": Tuples((3,), most=MAX_LENGTH, unit="m"),
-        "speed": Tuples((), 1e-3, 1.0, "m/s"),
-        "begin": Tuples((), 0.0, 1e6, "s"),
-        "height": Tuples((), 0.1, 3.0, "m"),
-        "radius": Tuples((), 0.01, 1.0, "m"),
-    }
+
+    start: Annotated[Triple, PLACE]
+    """Where its middle is before [m]."""
+    end: Annotated[Triple, PLACE]
+    """Where its middle is after [m]."""
+    speed: Annotated[float, Tuples((), 1e-3, 1.0, "m/s")] = 0.5
+    """Speed [m/s]."""
+    begin: Annotated[float, Tuples((), 0.0, 1e6, "s")] = 0.0
+    """Time at which it departs [s]."""
+    height: Annotated[float, Tuples((), 0.1, 3.0, "m")] = 1.8
+    """Length of the body from head to feet [m]."""
+    radius: Annotated[float, Tuples((), 0.01, 1.0, "m")] = 0.25
+    """Radius of the body [m]."""
 
     def middles(self, times: Array) -> Array:
         """Return where its middle is at k times, shape (k, 3) [m]."""

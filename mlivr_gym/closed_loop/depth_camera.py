@@ -8,11 +8,11 @@ out, as a robot filters its own links from a depth image by its joint angles.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.known_boxes import NOISE
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Integer, Numbers, Tuples, Validator
+from mlivr_gym.schema import Integer, Numbers, Tuples
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
@@ -69,39 +69,24 @@ class Look(NamedTuple):
 class DepthCamera(ParameterSet):
     """Parameters of the cameras on the corners of the body and on the grippers.
 
-    Attributes
-    ----------
-    pixels
-        Number of pixels of an image along each side.
-    field_of_view
-        Angle between opposite sides of an image [rad].
-    max_range
-        Largest distance that is measured [m].
-    noise
-        Standard deviation of a distance [m].
-    period
-        Time between two looks during a step [s]; each reads out one half of the pixels, in turn.
-
     Examples
     --------
     >>> DepthCamera(max_range=2.0).rays().shape
     (8, 6400, 3)
     """
 
-    pixels: int = 80
-    field_of_view: float = float(2.0 * np.pi / 3.0)
-    max_range: float = 3.0
-    noise: float = 0.003
-    period: float = 0.25
-
     label: ClassVar[str] = "camera"
-    validators: ClassVar[Mapping[str, Validator[Any]]] = {
-        "pixels": Integer(2, 1000),
-        "field_of_view": Tuples((), 1e-3, 3.0, "rad"),
-        "max_range": Tuples((), 1e-3, 1e3, "m"),
-        "noise": NOISE,
-        "period": Tuples((), 0.01, 1e3, "s"),
-    }
+
+    pixels: Annotated[int, Integer(2, 1000)] = 80
+    """Number of pixels of an image along each side."""
+    field_of_view: Annotated[float, Tuples((), 1e-3, 3.0, "rad")] = float(2.0 * np.pi / 3.0)
+    """Angle between opposite sides of an image [rad]."""
+    max_range: Annotated[float, Tuples((), 1e-3, 1e3, "m")] = 3.0
+    """Largest distance that is measured [m]."""
+    noise: Annotated[float, NOISE] = 0.003
+    """Standard deviation of a distance [m]."""
+    period: Annotated[float, Tuples((), 0.01, 1e3, "s")] = 0.25
+    """Time between two looks during a step [s]; each reads out one half of the pixels, in turn."""
 
     @checked(GIVEN)
     def rays(self, axes: Array = CORNERS) -> Array:
