@@ -14,11 +14,13 @@ import resource
 import sys
 import time
 from typing import Any
+from unittest.mock import patch
 
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.world.grasp_map import as_map
 
 IMPORTED = time.time()
@@ -65,6 +67,9 @@ INTO_LAB = (5.0, 0.0, 0.0)
 ACROSS, ACROSS_TIME = "mlivr4, across the station", 60.0
 """Name of the measurement of four limbs across ten modules, and its time limit [s]."""
 
+TABLE = "table"
+"""Name of the measurement of a plan by the complete table that ships."""
+
 BOUNDS = "bounds"
 """Name of the measurement of lower bounds."""
 
@@ -93,6 +98,10 @@ def query(labs: int, last: int) -> tuple[tuple[str, str], tuple[float, float, fl
     return ("lab0/D1a:2", "lab0/F1a:0"), (x, 0.2, 0.3)
 
 
+def no_table(*_: Any, **__: Any) -> None:
+    """Return that there is no table."""
+
+
 def measured(labs: int, method: str, began: float) -> dict[str, Any]:
     """Return the figures of one plan; the process started at the time `began`."""
     world = as_map(row_of(labs) if labs else "station")
@@ -102,7 +111,8 @@ def measured(labs: int, method: str, began: float) -> dict[str, Any]:
         found = plan_in_corridor(world, start, goal, limit=LIMIT)
         graph, result = found.graph, found.result
     else:
-        graph = stance_graph(world)
+        with patch.object(TableFiles, "find", TableFiles.find if method == TABLE else no_table):
+            graph = stance_graph(world)
         result = Planner(graph).plan(start, goal, "steps", limit=LIMIT)
     used = resource.getrusage(resource.RUSAGE_SELF)
     return {

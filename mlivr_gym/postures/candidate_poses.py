@@ -111,10 +111,13 @@ def bases_of_ordered(
     See `bases_at`.
     """
     rows, inverse = relative_geometries(grasp_map, stances)
-    geometry, centroids = geometries_of_rows(rows[inverse], robot.limbs)
-    found = Candidates.of(robot, geometry).poses(numbers)
+    # Each pose is computed once in the frame of the first grasp.
+    count = int(numbers.max(initial=0)) + 1
+    poses, pose_of = np.unique(inverse * count + numbers, return_inverse=True)
+    geometry, centroids = geometries_of_rows(rows[poses // count], robot.limbs)
+    found = Candidates.of(robot, geometry).poses(poses % count)
     local = found["position"] + centroids
-    return in_world(grasp_map, stances[:, 0], local, found["rotation"])
+    return in_world(grasp_map, stances[:, 0], local[pose_of], found["rotation"][pose_of])
 
 
 def bases_at(

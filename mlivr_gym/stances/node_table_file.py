@@ -99,6 +99,12 @@ def table_of_arrays(arrays: Arrays) -> NodeTable:
 
 
 NODE_TABLES = TableFiles(
-    "nodes", zipfile.ZIP_LZMA, encode, decode, (NodeTable._asdict, table_of_arrays), is_shared=True
+    "nodes",
+    6,
+    zipfile.ZIP_LZMA,
+    encode,
+    decode,
+    (NodeTable._asdict, table_of_arrays),
+    is_shared=True,
 )
 """Files of tables of nodes."""

@@ -169,6 +169,6 @@ def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
 
 
 SET_TABLES = TableFiles(
-    "sets", zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__), is_shared=True
+    "sets", 6, zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__), is_shared=True
 )
 """Files of stance sets."""

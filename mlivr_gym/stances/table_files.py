@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import IO, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,9 +33,6 @@ from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-FORMAT = 6
-"""Version of the file format."""
-
 HEAD = "head.json"
 """Name of the head in the archive."""
 
@@ -47,6 +44,9 @@ PADDING = 0xD935
 
 LOCAL_HEADER = struct.Struct("<26xHH")
 """What zip writes before a member: it ends with the lengths of its name and its fields."""
+
+HEADER = 1 << 16
+"""More bytes than the header of an array has."""
 
 SIZES_FIELD = 20
 """Length of the zip field with the sizes of a member [bytes]."""
@@ -77,6 +77,8 @@ class TableFiles(Generic[Table]):
 
     kind: str
     """First part of the names of the files."""
+    format: int
+    """Version of the format of these files."""
     compression: int
     """Compression of the files that are shipped, one of `zipfile`."""
     encode: Callable[[StanceGraph, Table], Arrays]
@@ -148,13 +150,13 @@ class TableFiles(Generic[Table]):
         """
         try:
             if self.mapped and path == self.cached(graph):
-                return self.mapped[1](read_arrays(graph, path, mapped=True))
-            return self.decode(graph, read_arrays(graph, path))
+                return self.mapped[1](self.arrays(graph, path, mapped=True))
+            return self.decode(graph, self.arrays(graph, path))
         except DAMAGE as error:
             if isinstance(error, TableError):
                 raise
             raise TableError(
-                f"table file {str(path)!r} is damaged, or not of format {FORMAT}"
+                f"table file {str(path)!r} is damaged, or not of format {self.format}"
             ) from None
 
     def write(self, graph: StanceGraph, table: Table, path: Path) -> None:
@@ -162,7 +164,7 @@ class TableFiles(Generic[Table]):
 
         Raises a `FileError` if the file cannot be written.
         """
-        write_whole(path, pack_arrays(graph, self.encode(graph, table), self.compression))
+        write_whole(path, self.pack(graph, self.encode(graph, table), self.compression))
 
     def cache(self, graph: StanceGraph, table: Table) -> Path | None:
         """Write a table into the cache folder and return its file; None, with a warning, if not."""
@@ -172,7 +174,7 @@ class TableFiles(Generic[Table]):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             if self.mapped:
-                write_whole(path, pack_arrays(graph, self.mapped[0](table), zipfile.ZIP_STORED))
+                write_whole(path, self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED))
             else:
                 self.write(graph, table, path)
         except (OSError, FileError) as error:
@@ -180,85 +182,57 @@ class TableFiles(Generic[Table]):
             return None
         return path
 
+    def pack(self, graph: StanceGraph, arrays: Arrays, compression: int) -> bytes:
+        """Return an archive of arrays of a graph."""
+        buffer = io.BytesIO()
+        with zipfile.ZipFile(buffer, "w", compression) as archive:
+            archive.writestr(zipfile.ZipInfo(HEAD), json.dumps(self.head(graph)))
+            for name, array in arrays.items():
+                info = zipfile.ZipInfo(f"{name}.npy")
+                info.compress_type = compression
+                before = LOCAL_HEADER.size + len(info.filename) + SIZES_FIELD + 4
+                space = -(buffer.tell() + before) % ALIGNED
+                info.extra = struct.pack("<HH", PADDING, space) + bytes(space)
+                with archive.open(info, "w", force_zip64=True) as member:
+                    np.lib.format.write_array(member, array, allow_pickle=False)
+        return buffer.getvalue()
 
-def pack_arrays(graph: StanceGraph, arrays: Arrays, compression: int) -> bytes:
-    """Return an archive of arrays of a graph."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", compression) as archive:
-        archive.writestr(zipfile.ZipInfo(HEAD), json.dumps(head_of(graph)))
-        for name, array in arrays.items():
-            info = zipfile.ZipInfo(f"{name}.npy")
-            info.compress_type = compression
-            before = LOCAL_HEADER.size + len(info.filename) + SIZES_FIELD + 4
-            space = -(buffer.tell() + before) % ALIGNED
-            info.extra = struct.pack("<HH", PADDING, space) + bytes(space)
-            with archive.open(info, "w", force_zip64=True) as member:
-                np.lib.format.write_array(member, array, allow_pickle=False)
-    return buffer.getvalue()
+    def arrays(self, graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
+        """Return the arrays of a graph in an archive.
 
+        If they are mapped, the archive has to be without compression. Only the pages that are used
+        are then read, so that CRC-32s are not compared; changes stay in memory. Raises a
+        `TableError` if they are of another graph, and one of `DAMAGE` if the file is damaged.
+        """
+        arrays = {}
+        with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+            check_head(path, json.loads(archive.read(HEAD)), self.head(graph))
+            whole = np.memmap(stream, np.uint8, mode="c")
+            for info in archive.infolist()[1:]:
+                if mapped:
+                    stream.seek(info.header_offset)
+                    lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
+                    start = stream.seek(sum(lengths), io.SEEK_CUR)
+                    array = _array(whole[start : start + info.file_size])
+                else:
+                    # Whole, since `read_array` copies small pieces; a copy, to be written to.
+                    array = _array(np.frombuffer(archive.read(info), np.uint8)).copy("K")
+                arrays[info.filename.removesuffix(".npy")] = array
+        return arrays
 
-def read_arrays(graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
-    """Return the arrays of a graph in an archive.
-
-    If they are mapped, the archive has to be without compression. Only the pages that are used are
-    then read, so that CRC-32s are not compared; changes stay in memory. Raises a `TableError` if
-    they are of another graph, and one of `DAMAGE` if the file is damaged.
-    """
-    arrays = {}
-    with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
-        check_head(path, graph, json.loads(archive.read(HEAD)))
-        whole = np.memmap(stream, np.uint8, mode="c")
-        for info in archive.infolist()[1:]:
-            if mapped:
-                array = _mapped(stream, info, whole)
-            else:
-                with archive.open(info) as member:
-                    array = np.lib.format.read_array(member, allow_pickle=False)
-                    if member.read():
-                        raise ValueError
-            arrays[info.filename.removesuffix(".npy")] = array
-    return arrays
-
-
-def _mapped(stream: IO[bytes], info: zipfile.ZipInfo, whole: NDArray[np.uint8]) -> NDArray[Any]:
-    """Return an array of an open archive, as part of the whole file."""
-    stream.seek(info.header_offset)
-    lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
-    start = stream.seek(sum(lengths), io.SEEK_CUR)
-    np.lib.format.read_magic(stream)
-    shape, columns, kind = np.lib.format.read_array_header_1_0(stream)
-    values = whole[stream.tell() : start + info.file_size].view(kind)
-    return np.asarray(values.reshape(shape, order="F" if columns else "C"))
+    def head(self, graph: StanceGraph) -> dict[str, Any]:
+        """Return the head of the files of a graph."""
+        return {
+            "format": self.format,
+            "rules": GRAPH_RULES,
+            "robot": graph.robot.fingerprint,
+            "map": graph.grasp_map.fingerprint,
+            "settings": json.loads(json.dumps(asdict(graph.settings))),
+        }
 
 
-def check_arrays(*expected: tuple[NDArray[Any], tuple[int, ...], float, float]) -> None:
-    """Check shapes of arrays and that values are at least one number and below another."""
-    for array, shape, least, end in expected:
-        if array.shape != shape or not ((array >= least) & (array < end)).all():
-            raise ValueError
-
-
-def key_of(graph: StanceGraph) -> str:
-    """Return a digest of map, robot, settings and rules of a graph, which names its files."""
-    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
-    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
-    return digest.hexdigest()[:20]
-
-
-def head_of(graph: StanceGraph) -> dict[str, Any]:
-    """Return the head of the files of a graph."""
-    return {
-        "format": FORMAT,
-        "rules": GRAPH_RULES,
-        "robot": graph.robot.fingerprint,
-        "map": graph.grasp_map.fingerprint,
-        "settings": json.loads(json.dumps(asdict(graph.settings))),
-    }
-
-
-def check_head(path: Path, graph: StanceGraph, head: dict[str, Any]) -> None:
-    """Check that the head of a file is that of a graph; the `TableError` names the difference."""
-    expected = head_of(graph)
+def check_head(path: Path, head: dict[str, Any], expected: dict[str, Any]) -> None:
+    """Check that the head of a file is the expected one; the `TableError` names the difference."""
     if head == expected:
         return
     for name in ("format", "rules"):
@@ -275,3 +249,28 @@ def check_head(path: Path, graph: StanceGraph, head: dict[str, Any]) -> None:
     if not others:
         raise ValueError
     raise TableError(f"table file {str(path)!r} is for {' and '.join(others)}")
+
+
+def _array(data: NDArray[np.uint8]) -> NDArray[Any]:
+    """Return the array of which some bytes are the file."""
+    head = io.BytesIO(data[:HEADER].tobytes())
+    np.lib.format.read_magic(head)
+    shape, columns, kind = np.lib.format.read_array_header_1_0(head)
+    if kind.hasobject:
+        raise ValueError
+    values = data[head.tell() :].view(kind)
+    return np.asarray(values.reshape(shape, order="F" if columns else "C"))
+
+
+def check_arrays(*expected: tuple[NDArray[Any], tuple[int, ...], float, float]) -> None:
+    """Check shapes of arrays and that values are at least one number and below another."""
+    for array, shape, least, end in expected:
+        if array.shape != shape or not ((array >= least) & (array < end)).all():
+            raise ValueError
+
+
+def key_of(graph: StanceGraph) -> str:
+    """Return a digest of map, robot, settings and rules of a graph, which names its files."""
+    digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
+    digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())
+    return digest.hexdigest()[:20]

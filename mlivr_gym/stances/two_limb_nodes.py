@@ -46,7 +46,7 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
     count = write_edges(table, pairs)
     counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
-    return table._replace(ranks=ranks, lost=table.lost[:count].copy())
+    return table._replace(ranks=ranks, lost=table.lost[:count])
 
 
 @entry
@@ -60,17 +60,20 @@ def write_edges(table: NodeTable, pairs: TwoLimbTable) -> int:
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
             before, limb = divmod(int(table.members[i]), 2)
+            support = 1 - limb
+            if branch_set_of(table.releasable[before], limb) == NO_BRANCHES:
+                edge += last - first
+                continue
             for j in range(first, last):
-                after, support = int(table.members[j]) // 2, 1 - limb
+                after = int(table.members[j]) // 2
                 shared = kept_on_edge(
                     pairs.branch_sets[before, support], pairs.branch_sets[after, support]
                 )
                 kept = shared
                 if pairs.check and pairs.edges[edge].known:
                     kept = kept_on_edge(shared, branches_kept(pairs.edges[edge]))
-                released = branch_set_of(table.releasable[before], limb) != NO_BRANCHES
                 grasps = branch_set_of(table.releasable[after], limb) != NO_BRANCHES
-                if i != j and kept and released and grasps:
+                if i != j and kept and grasps:
                     set_bit(table.joined, edge)
                     if kept != shared:
                         set_bit(table.loses_branches, edge)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
@@ -60,17 +60,17 @@ class Box:
     (3.5, 0.0, -0.5)
     """
 
-    id: Annotated[str, NAME]
+    id: str
     """Name."""
-    kind: Annotated[str, Choice(KINDS)]
+    kind: str
     """One of `KINDS`."""
-    centre: Annotated[Triple, CORNER]
+    centre: Triple
     """Middle in the world [m]."""
-    half: Annotated[Triple, Tuples((3,), MIN_SIZE, MAX_LENGTH, "m")]
+    half: Triple
     """Half edges along the box's axes [m]."""
-    rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()] = UNIT
+    rotation: tuple[Triple, Triple, Triple] = UNIT
     """Rows of the rotation from the box's axes to the world's."""
-    face: Annotated[str, Text(least=0)] = ""
+    face: str = ""
     """Cabin face that it belongs to, for pictures."""
 
     def __post_init__(self) -> None:
@@ -116,14 +116,42 @@ class Box:
             f"{name}{first}", kind, low[0].tolist(), high[0].tolist()
         )  # checks name and kind
         centres, halves = (0.5 * (low + high)).T.tolist(), (0.5 * (high - low)).T.tolist()
-        boxes = tuple(object.__new__(cls) for _ in low)
-        for k, (box, centre, half) in enumerate(
-            zip(boxes, zip(*centres, strict=True), zip(*halves, strict=True), strict=True), first
-        ):
-            fields = vars(box)  # setting each one is faster than an update with all
-            fields["id"], fields["kind"], fields["centre"] = f"{name}{k}", kind, centre
-            fields["half"], fields["rotation"], fields["face"] = half, UNIT, ""
-        return boxes
+        both = zip(zip(*centres, strict=True), zip(*halves, strict=True), strict=True)
+        return tuple(
+            cls._checked(f"{name}{k}", kind, centre, half, UNIT, "")
+            for k, (centre, half) in enumerate(both, first)
+        )
+
+    @classmethod
+    def each_placed(
+        cls, boxes: Sequence[Box], name: str, rotation: Array, translation: Array
+    ) -> tuple[Box, ...]:
+        """Return boxes moved by a rotation, shape (3, 3), and a translation, shape (3,) [m].
+
+        Their ids begin with the name. The figures are checked all at once.
+        """
+        if not boxes:
+            return ()
+        place = FieldPath(f"boxes {shortened(name)}", ShapeError)
+        centres = np.array([box.centre for box in boxes]) @ rotation.T + translation
+        Numbers((None, 3), -MAX_LENGTH, MAX_LENGTH, "m").read(centres, place.field("centre"))
+        turned = (rotation @ np.array([box.rotation for box in boxes])).tolist()
+        ids = [NAME.read(f"{name}{box.id}", place.field("id")) for box in boxes]
+        return tuple(
+            cls._checked(id, box.kind, (x, y, z), box.half, tuple(map(tuple, rows)), box.face)
+            for id, box, (x, y, z), rows in zip(ids, boxes, centres.tolist(), turned, strict=True)
+        )
+
+    @classmethod
+    def _checked(
+        cls, id: str, kind: str, centre: Triple, half: Triple, rotation: Any, face: str
+    ) -> Box:
+        """Return a box of figures that are checked already."""
+        box = object.__new__(cls)
+        fields = vars(box)  # setting each one is faster than an update with all
+        fields["id"], fields["kind"], fields["centre"] = id, kind, centre
+        fields["half"], fields["rotation"], fields["face"] = half, rotation, face
+        return box
 
     @classmethod
     def from_dict(cls, data: Any, kind: str = "obstacle") -> Box:
@@ -153,7 +181,17 @@ class Box:
 CORNER = Tuples((3,), most=MAX_LENGTH, unit="m")
 """A point of the world."""
 
-BOX_DATA = Struct.of(Box)
+BOX_DATA = Struct(
+    Box,
+    {
+        "id": NAME,
+        "kind": Choice(KINDS),
+        "centre": CORNER,
+        "half": Tuples((3,), MIN_SIZE, MAX_LENGTH, "m"),
+        "rotation": Rotation(),
+        "face": Text(least=0),
+    },
+)
 """Fields of a `Box`."""
 
 

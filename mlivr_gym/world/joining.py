@@ -37,15 +37,6 @@ class PlacedMap(NamedTuple):
         placed: Array = np.asarray(local) @ self.rotation.T + self.translation
         return placed
 
-    def box(self, box: Box) -> Box:
-        """Return a box in the frame of the other map."""
-        return replace(
-            box,
-            id=f"{self.id}/{box.id}",
-            centre=as_triple(self.position(box.centre)),
-            rotation=Box.rows(self.rotation @ np.array(box.rotation)),
-        )
-
     @property
     def corners(self) -> Array:
         """Corners of its cabin in the frame of the other map [m], shape (8, 3)."""
@@ -100,7 +91,7 @@ def joined_fields(fields: dict[str, Any], parts: Sequence[PlacedMap]) -> dict[st
     corners = np.concatenate([part.corners for part in parts])
     segments, boxes = list(fields["segments"]), list(fields["boxes"])
     for part in parts:
-        boxes += [part.box(box) for box in part.map.boxes]
+        boxes += Box.each_placed(part.map.boxes, f"{part.id}/", part.rotation, part.translation)
         segments += [
             replace(
                 segment,

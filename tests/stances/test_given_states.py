@@ -15,7 +15,7 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
-from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
+from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 NAN, HUGE = float("nan"), 2**70
@@ -138,7 +138,7 @@ def graph_and_tables(small_map, tmp_path_factory):
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
     fill_rows(full)
     TWO_LIMB_TABLES.write(full, full.file_contents(), path / "steps.npz")
-    found = dict(read_arrays(full, path / "steps.npz"))
+    found = dict(TWO_LIMB_TABLES.arrays(full, path / "steps.npz"))
     assert len(TWO_LIMB_TABLES.read(full, path / "steps.npz").edges)
     return full, found
 
@@ -147,6 +147,7 @@ def graph_and_tables(small_map, tmp_path_factory):
     ("array", "field", "value"),
     [
         ("edges", "fold_on_line", 3), ("edges", "fold_on_arc", -2), ("edges", "line_branches", 64),
+        ("edge_index", None, 255),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
         ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),
         ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13), ("points", None, 60_000),
@@ -160,7 +161,7 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     found["mask"] = found["mask"].astype(np.int64)
     target = found[array] if field is None else found[array][field]
     target[(-1,) + (0,) * (target.ndim - 1)] = value
-    path.write_bytes(pack_arrays(fresh, found, ZIP_STORED))
+    path.write_bytes(TWO_LIMB_TABLES.pack(fresh, found, ZIP_STORED))
     with pytest.raises(TableError, match="is damaged, or not of format"):
         TWO_LIMB_TABLES.read(fresh, path)
 

@@ -17,7 +17,7 @@ from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import find_table
-from mlivr_gym.stances.table_files import TableError, pack_arrays, read_arrays
+from mlivr_gym.stances.table_files import TableError
 
 
 @pytest.fixture(scope="module", params=[3, 4])
@@ -80,7 +80,7 @@ def test_a_mapped_array_of_another_shape_is_refused(graph, table, empty_cache):
     path = NODE_TABLES.cache(graph, table)
     for name in table._fields[:-1]:  # the last may have any length
         shorter = table._replace(**{name: getattr(table, name)[:-1]})
-        path.write_bytes(pack_arrays(graph, shorter._asdict(), ZIP_STORED))
+        path.write_bytes(NODE_TABLES.pack(graph, shorter._asdict(), ZIP_STORED))
         with pytest.raises(TableError, match="is damaged"):
             NODE_TABLES.read(graph, path)
 
@@ -120,8 +120,8 @@ def test_what_is_no_table_is_refused(graph, tmp_path, content):
 def test_numbers_that_are_not_possible_are_refused(graph, table, tmp_path, name, change):
     path = tmp_path / "nodes.npz"
     NODE_TABLES.write(graph, table, path)
-    arrays = dict(read_arrays(graph, path))
-    path.write_bytes(pack_arrays(graph, arrays | {name: change(arrays[name])}, ZIP_STORED))
+    arrays = dict(NODE_TABLES.arrays(graph, path))
+    path.write_bytes(NODE_TABLES.pack(graph, arrays | {name: change(arrays[name])}, ZIP_STORED))
     with pytest.raises(TableError, match="is damaged"):
         NODE_TABLES.read(graph, path)
 

@@ -15,8 +15,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.stances import stance_sets, table_files
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.stance_sets import StanceSets, count_sets, sets_from
-from mlivr_gym.stances.table_files import pack_arrays, read_arrays
+from mlivr_gym.stances.stance_sets import SET_TABLES, StanceSets, count_sets, sets_from
 
 
 @pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
@@ -96,13 +95,13 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
         assert "is damaged, or not of format" in caplog.text
         np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
     table_files._memory.clear()
-    arrays = dict(read_arrays(graph, file))
+    arrays = dict(SET_TABLES.arrays(graph, file))
     for wrong in (
         {"points": first.points + np.uint16(len(graph.grasp_map))},
         {"supports": first.support_sets + np.int32(1)},
         {"support_count": np.array(1)},
     ):
-        file.write_bytes(pack_arrays(graph, arrays | wrong, ZIP_STORED))
+        file.write_bytes(SET_TABLES.pack(graph, arrays | wrong, ZIP_STORED))
         assert StanceSets.of(graph, build=False) is None
         table_files._memory.clear()
 
