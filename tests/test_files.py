@@ -91,8 +91,3 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, ca
         write_whole(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_folder_that_is_not_there_is_one_error(tmp_path):
-    with pytest.raises(FileError, match=r"cannot write .*nowhere.*: No such file"):
-        write_whole(tmp_path / "nowhere" / "file", "new")

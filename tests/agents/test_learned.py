@@ -171,19 +171,19 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     """Even with random weights; a beam that keeps every stance finds the fewest steps."""
     learned, planner = LearnedPolicy(policy, "pointer"), Planner(env.graph)
     tasks = []
-    for seed in range(40):
+    for seed in range(20):
         env.reset(seed=seed)
         tasks.append((len(planner.plan(env.state.stance, env.goal, "steps").unwrap().steps), seed))
-    for fewest, seed in sorted(tasks)[-2:]:
-        env.reset(seed=seed)
-        assert fewest > 2
-        assert len(beam_search(learned, env, len(env.graph))) == fewest
-        actions = beam_search(learned, env, 64)
-        assert actions is not None
-        for k, action in enumerate(actions):
-            _, _, terminated, _, info = env.step(action)
-            assert not info["invalid_action"]
-            assert terminated == (k == len(actions) - 1)
+    fewest, seed = max(tasks)
+    env.reset(seed=seed)
+    assert fewest > 2
+    assert len(beam_search(learned, env, len(env.graph))) == fewest
+    actions = beam_search(learned, env, 64)
+    assert actions is not None
+    for k, action in enumerate(actions):
+        _, _, terminated, _, info = env.step(action)
+        assert not info["invalid_action"]
+        assert terminated == (k == len(actions) - 1)
     assert evaluate(env, beam_policy(learned, 64), 2).success.all()
     with pytest.raises(SettingError, match="needs a pointer policy"):
         beam_policy(LearnedPolicy(make_actor_critic(env, "mlp", {}), "mlp"))

@@ -55,14 +55,6 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     assert told["file"] == told["kept"] == str(TWO_LIMB_TABLES.cached(graph))
 
 
-def test_a_file_is_written_where_it_is_wanted(run, part, tmp_path):
-    path = tmp_path / "nodes.npz"
-    code, *_ = run("build", "--robot", "mlivr3", "--map", part, "--out", str(path))
-    assert code == 0
-    graph = stance_graph(part, "mlivr3")
-    assert len(NODE_TABLES.read(graph, path).points)
-
-
 def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp_path, monkeypatch):
     path = tmp_path / "mine.npz"
     monkeypatch.setenv("MLIVR_GYM_CACHE", "")

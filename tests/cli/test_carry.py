@@ -20,8 +20,3 @@ def test_it_tells_what_was_carried_out(tmp_path, capsys):
     assert [part["part"] for part in mission["parts"]] == ["pick up", "fold", "carry", "stow"]
     for part in mission["parts"]:
         assert any(line.startswith(part["part"]) for line in lines)
-
-
-def test_a_mission_without_a_bag_is_refused(capsys):
-    assert main(["carry", "--robot", "mlivr3", *POINTS]) == 2
-    assert "--cargo is missing; carry needs" in capsys.readouterr().err

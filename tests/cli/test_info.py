@@ -51,9 +51,3 @@ def test_critical_points_and_rails_are_listed(run, tmp_path):
     assert told["critical_rails"][0]["points"] == ["R2:0"]
     text = run(*words)[1]
     assert f"  R2:0: {loss['stances']} stances hold it, {loss['cut_off']} cut off\n" in text
-
-
-def test_critical_points_of_more_than_two_limbs_are_refused(run):
-    code, _, error = run("info", "--robot", "mlivr3", "--critical")
-    assert code == 2
-    assert "--critical needs two limbs; robot 'mlivr3' has 3" in error

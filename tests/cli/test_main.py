@@ -38,12 +38,6 @@ def test_bad_usage_gives_one_sentence_and_code_2(capsys, arguments):
     assert error == {"exit_code": 2, "error": told.err.removeprefix("mlivr-gym: ").rstrip("\n")}
 
 
-def test_an_unknown_option_is_answered_with_the_help_of_its_command(capsys):
-    assert main(["walk", "--max", "3"]) == 2
-    told = capsys.readouterr().err
-    assert told.endswith("unrecognized arguments: --max 3; see `mlivr-gym walk --help`\n")
-
-
 def test_every_command_has_examples_of_its_own_which_its_parser_takes(capsys):
     """As they stand in its help, and in the help of no other command."""
     for command, lines in EXAMPLES.items():

@@ -12,6 +12,7 @@ plan --cost weighted                          : regrasp_price
 plan --limb-threshold -1                      : limb_threshold
 plan --robot robocop                          : 'robocop'
 plan --robot mlivr2-iiwa --held-joint joint2  : --held-joint has no effect with --robot mlivr2-iiwa
+info --robot mlivr3 --critical                : --critical needs two limbs; robot 'mlivr3' has 3
 info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
 plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold
 info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
@@ -29,6 +30,10 @@ plan --box 3200 -1000 -1000 3500 1000 300     : millimetres
 plan --limit 0                                : limit is 0
 reach --start D2a:4 D2b:4 --most-steps -3       : --most-steps is -3
 reach --start D2a:4 D2b:4 --limit 0             : --limit is 0
+plan --corridor                               : --corridor needs --start and --goal
+plan --start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --refined : --refined has no effect
+plan --start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --cost time : leave out --corridor
+plan --cost reaction --refined                : --refined has no effect with --cost reaction
 plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
 plan --no-collisions --clearance 0.1          : --clearance has no effect
 plan --method dijkstra --heuristic paper      : --heuristic has no effect
@@ -49,6 +54,8 @@ evaluate --split sane                         : did you mean 'same'
 simulate --case 3 --speed 0                   : --speed is 0
 simulate --case 3 --film walk.avi             : valid endings
 walk --film walk.avi                          : valid endings
+walk --max 3                                  : --max 3; see `mlivr-gym walk --help`
+carry --robot mlivr3 --start D3a:8 D3a:1 D3a:4 --pick D2b:3 --stow F2b:4 : --cargo is missing
 walk --speed 4                                : --speed has no effect without --film
 simulate --case 3 --no-film --speed 7         : --speed has no effect
 simulate --plan PLAN --robot mlivr3           : --robot has no effect with --plan

@@ -1,7 +1,5 @@
 """The command `render`."""
 
-import json
-
 import numpy as np
 from PIL import Image
 
@@ -59,16 +57,3 @@ def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_f
             seen["both.png"], np.hstack([seen["start.png"], seen["goal.png"]])
         )
     assert (seen["start.png"] != seen["goal.png"]).any()
-
-
-def test_a_plan_of_another_map_or_with_a_branch_too_many_is_refused(run, tmp_path, plan_file):
-    data = json.loads(plan_file.read_text())
-    data["motion"]["branches"][1][0] = 1_000_000
-    path = tmp_path / "plan.json"
-    path.write_text(json.dumps(data))
-    for command in ("simulate", "render"):
-        code, _, err = run(command, "--plan", str(path), "--out", str(tmp_path / "out"))
-        assert code == 2
-        assert "branches" in err
-        assert "from 0 to 7" in err
-        assert err.count("\n") == 1

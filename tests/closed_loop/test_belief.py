@@ -49,11 +49,6 @@ def gaps(points, box):
     return np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
 
 
-def test_a_module_as_the_map_has_it_shows_nothing(seen):
-    belief = seen()
-    assert belief.boxes() == belief.graph.obstacles == ()
-
-
 def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, plan):
     wall = Box.between("wall", "obstacle", (3.2, -1.0, -0.9), (3.5, 1.0, 0.3))
     belief = seen(wall)
@@ -132,13 +127,6 @@ def test_where_the_robot_is_there_is_nothing_else(seen, plan, jem, checked_graph
         assert graph.state(plan.stances[0]).stance == tuple(jem.index(p) for p in plan.stances[0])
 
 
-def test_a_point_that_refused_is_occupied(seen, jem):
-    belief = seen()
-    belief.refuse(7)
-    assert belief.refused == set(belief.graph.occupied) == {7}
-    belief.graph.vacate()
-
-
 def test_points_to_which_paths_were_blocked_are_free_again_once(seen):
     belief = seen()
     assert not belief.reconsider()
@@ -196,10 +184,12 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
     base = trajectory.base_positions[0]
     first = int(0.4 * len(trajectory.times))
     ahead = first + np.arange(0.0, HORIZON + 0.05, 0.1) / trajectory.period
-    found = {True: 0, False: 0}
-    for _ in range(40):
+    boxes, found = [], {True: 0, False: 0}
+    for k in range(40):
         centre, half = base + rng.uniform(-0.8, 0.8, 3), rng.uniform(0.05, 0.3, 3)
-        box = Box.between("thing", "obstacle", centre - half, centre + half)
+        boxes.append(Box.between(f"thing{k}", "obstacle", centre - half, centre + half))
+    simulation = Setup().simulation(jem, graph.robot, boxes)
+    for box in boxes:
         graph.add_obstacles([box])
         belief = Belief(graph, CAMERA.noise)
         shift, turn = rng.normal(0.0, 0.01, 3), Rotation.from_rotvec(rng.normal(0.0, 0.005, 3))
@@ -211,8 +201,7 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
             quaternion = rotation.as_quat(scalar_first=True)
             return at.base_positions[0] + shift, quaternion, at.joint_positions[0] + bend
 
-        simulation, touches = Setup().simulation(jem, graph.robot, [box]), False
-        thing = simulation.model.geom("box/thing").id
+        thing, touches = simulation.model.geom(f"box/{box.id}").id, False
         for sample in ahead:
             simulation.reset(*beside(sample), [FREE, FREE])
             mujoco.mj_forward(simulation.model, simulation.data)

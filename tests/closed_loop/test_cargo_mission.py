@@ -47,6 +47,11 @@ def mission(graph):
     return plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[1, 0])
 
 
+@pytest.fixture(scope="module")
+def parts(mission):
+    return mission.execute()
+
+
 def along(knots):
     """Configurations at most 0.05 rad apart on the lines between knots."""
     rows = [np.linspace(a, b, int(np.abs(b - a).max() / 0.05) + 2)[:-1] for a, b in pairwise(knots)]
@@ -138,8 +143,7 @@ def test_the_limb_is_clear_all_along_its_motion_with_the_bag(graph, mission):
         assert all(mover.is_clear(joints) for joints in along(knots))
 
 
-def test_the_mission_is_carried_out(mission):
-    parts = mission.execute()
+def test_the_mission_is_carried_out(parts):
     assert [part.name for part in parts] == ["pick up", "fold", "carry", "stow"]
     for part in parts:
         assert part.failure is None
@@ -201,8 +205,7 @@ def test_the_filmed_bag_stands_where_it_is_picked_up_and_where_it_is_stowed(grap
         np.testing.assert_allclose(away, lowest * foot.normal, atol=2e-3)
 
 
-def test_a_mission_is_filmed(mission, tmp_path):
-    parts = mission.execute()
+def test_a_mission_is_filmed(mission, parts, tmp_path):
     with gl_or_skip():
         mission_film(mission, parts, tmp_path / "mission.gif", size=(160, 90), speed=64.0)
     with Image.open(tmp_path / "mission.gif") as shown:

@@ -102,8 +102,3 @@ def test_who_starts_at_the_robot_cannot_be_avoided(graph):
 def test_wrong_crew_members_are_named(given, named):
     with pytest.raises(MlivrError, match=named):
         CrewMember(**{"start": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 0.0)} | given)
-
-
-def test_something_else_is_no_crew_member(graph):
-    with pytest.raises(MlivrError, match="crew"):
-        run_closed_loop(graph, START, GOAL, crew=["someone"])

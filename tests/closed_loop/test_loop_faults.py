@@ -49,28 +49,26 @@ def loops(monkeypatch):
     return found
 
 
-@pytest.mark.parametrize("at", [0.0, 2.0])
-def test_cameras_without_numbers_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at):
-    """At rest, and during the first swing, among things that a blind robot would touch."""
+@pytest.mark.parametrize(("at", "known", "unknown"), [(0.0, [], [BAG]), (2.0, [], [BAG]),
+                                                      (0.0, [BAG], [])])  # fmt: skip
+def test_cameras_without_numbers_leave_the_robot_on_all_its_points(
+    graph, monkeypatch, loops, at, known, unknown
+):
+    """At rest, and during the first swing, among things that a blind robot would touch.
+
+    Those that it knows it looks at before it plans.
+    """
     monkeypatch.setattr(BlankCamera, "at", at, raising=False)
-    record = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=BlankCamera(period=0.5))
-    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-    assert "sensing or planning failed: hits has" in record.reason
-    assert "not finite" in record.reason
-    assert record.duration >= at
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
-
-
-def test_cameras_that_fail_among_known_obstacles_stop_the_robot(graph, monkeypatch, loops):
-    """It looks at them before it plans."""
-    monkeypatch.setattr(BlankCamera, "at", 0.0, raising=False)
-    graph.add_obstacles([BAG])
+    graph.add_obstacles(known)
+    camera = BlankCamera(period=0.5)
     try:
-        record = run_closed_loop(graph, START, GOAL, camera=BlankCamera(period=0.5))
+        record = run_closed_loop(graph, START, GOAL, unknown=unknown, camera=camera)
     finally:
         graph.remove_obstacles()
     assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
     assert "sensing or planning failed: hits has" in record.reason
+    assert "not finite" in record.reason
+    assert record.duration >= at
     assert loops[0]._executor.simulation.points == list(graph.indices(START))
 
 

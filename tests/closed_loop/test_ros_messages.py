@@ -7,15 +7,12 @@ from operator import getitem
 
 import numpy as np
 import pytest
-from fuzz import bounded, few, given_values, mutated, values
+from fuzz import bounded, few, given_values
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym.closed_loop.ros_messages import point_cloud_message, points_of_message
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory_files import joint_trajectory_message
-from mlivr_gym.simulation.timing import step_trajectory
 
 POINTS = np.array([[1.0, -2.0, 0.5], [3.25, 0.0, -1.0]])
 
@@ -174,12 +171,6 @@ def read(message, **options):
     return points
 
 
-@given(mutated(organised()), st.none() | st.floats(0.0, 10.0), st.none() | values)
-@few(0.5)
-def test_a_mutated_message_gives_finite_points_or_one_error(message, now, latest):
-    read(message, now=now, latest=latest)
-
-
 def places(data, before=()):
     """The path to every value in nested data."""
     for key, value in data.items() if isinstance(data, dict) else enumerate(data):
@@ -220,19 +211,3 @@ def test_every_datatype_of_the_definition_is_read(datatype, letter, order):
     changed = {"fields": fields, "point_step": 24, "row_step": 24, "data": data}
     size = {"width": 1, "height": 1, "is_bigendian": order == ">"}
     assert points_of_message(organised() | changed | size).tolist() == [point]
-
-
-def test_a_trajectory_has_the_fields_of_its_message(checked_graph, plan):
-    trajectory = step_trajectory(checked_graph, plan, 0, Durations()).at(np.arange(0, 4000, 500))
-    message = joint_trajectory_message(trajectory)
-    assert list(message) == ["header", "joint_names", "points"]
-    assert message["joint_names"][:2] == ["limb0/joint1", "limb0/joint2"]
-    assert len(message["points"]) == len(trajectory.times)
-    for k, point in enumerate(message["points"]):
-        assert list(point) == [
-            "positions", "velocities", "accelerations", "effort", "time_from_start"
-        ]  # fmt: skip
-        assert point["positions"] == trajectory.joint_positions[k].ravel().tolist()
-        assert len(point["velocities"]) == len(message["joint_names"])
-        time = point["time_from_start"]
-        assert time["sec"] + 1e-9 * time["nanosec"] == pytest.approx(trajectory.times[k])

@@ -33,21 +33,6 @@ def test_an_environment_of_a_place_is_sound(place):
     check_env_of_sb3(place)
 
 
-def test_random_steps_that_the_mask_allows_are_made(place):
-    _, info = place.reset(seed=3)
-    limbs, rng = len(info["stance"]), np.random.default_rng(3)
-    for _ in range(4):
-        before = info["stance"]
-        allowed = np.flatnonzero(info["action_mask"])
-        _, reward, terminated, _, info = place.step(int(rng.choice(allowed)))
-        assert reward < 0.0
-        assert not info["invalid_action"]
-        assert sum(a != b for a, b in zip(before, info["stance"], strict=True)) == 1
-        assert len(set(info["stance"])) == limbs
-        if terminated or not info["action_mask"].any():
-            break
-
-
 def short_plan(env):
     """Return a plan of few steps, for the first fixed task that has one."""
     for task in range(20):

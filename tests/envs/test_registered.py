@@ -35,7 +35,7 @@ def test_every_environment_that_is_registered_is_checked():
 
 def arguments(small_map, name=""):
     if "ClosedLoop" in name:
-        return {"map": small_map, "camera": {"pixels": 10, "period": 1.0}}
+        return {"map": small_map, "camera": {"pixels": 10, "period": 2.0}}
     return {"map": small_map, "collisions": False}
 
 

@@ -70,25 +70,6 @@ def test_both_environments_pay_what_the_object_says(small_map, shaping):
     assert (ours > 7.0).any()  # at the goal
 
 
-def test_the_outcome_says_what_the_step_did(small_map):
-    reward = Recorder()
-    single, _ = worlds(small_map, reward)
-    _, info = single.reset(seed=3)
-    there = np.linalg.norm(info["base_position"] - single.goal)
-    mask = single.action_masks()
-    for action, valid in ((np.argmin(mask), False), (np.argmax(mask), True)):
-        _, _, _, _, after = single.step(int(action))
-        outcome = reward.outcomes[-1]
-        moved = np.linalg.norm(after["base_position"] - info["base_position"])
-        assert outcome.valid is valid
-        assert outcome.displacement == pytest.approx(moved)
-        assert outcome.max_displacement == single.graph.max_displacement
-        assert outcome.distance_before == pytest.approx(there)
-        there = np.linalg.norm(after["base_position"] - single.goal)
-        assert outcome.distance_after == pytest.approx(there)
-        assert outcome.success == after["is_success"]
-
-
 def test_rewards_are_asked_about_steps_only(small_map):
     """Copies that a step resets take no action; no entry of any outcome stands for them."""
     reward = Recorder()

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import flanges_in_mount
+from arms import flanges_in_mount, frames_at, turned
 from branches import angles_on, arm_of, flange_axis, flanges_nearby, solutions
 from compiled import called
 from held_paths import EVERY_BRANCH, FLANGE, GRIP, mounted, path_between, random_ends
@@ -21,7 +21,6 @@ from mlivr_gym.kinematics.families import (
     grasp_motion,
     held_turns,
     joint_axes,
-    link_frames,
     link_motion,
 )
 from mlivr_gym.kinematics.holding import Holding, held_branches
@@ -34,22 +33,11 @@ LEAST = 5e-3
 """Least `|det J|` of a posture that is used [m^3]."""
 
 
-def frames_at(arm, q):
-    out = np.empty((7, 4, 3))
-    called(link_frames)(arm, q, out)
-    return out
-
-
 def of_pinocchio(name, q):
     """Poses of the links in Pinocchio, (6, 4, 4)."""
     model, data = MODELS[name], MODELS[name].createData()
     pin.forwardKinematics(model, data, q)
     return np.array([place.homogeneous for place in data.oMi.tolist()[1:]])
-
-
-def turned(a, b):
-    """Largest difference of joint angles, whole turns aside."""
-    return np.abs(np.angle(np.exp(1j * (np.asarray(a) - b)))).max()
 
 
 def random_poses(name, count, seed=0):

@@ -10,6 +10,7 @@ from arms import (
     angles_nearby,
     flanges_in_mount,
     frames,
+    frames_at,
     jacobian,
     path_near,
     random_posture,
@@ -23,7 +24,7 @@ from wrist_arms import FURTHER, LIMBS, OTHERS
 
 from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_seen, turn_seen
-from mlivr_gym.kinematics.families import grasp_motion, held_turns, link_frames, link_motion
+from mlivr_gym.kinematics.families import grasp_motion, held_turns, link_motion
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
 
@@ -175,12 +176,6 @@ def test_a_held_angle_of_zero_is_the_limit_of_small_ones():
         for one in scalars(iiwa, np.zeros((1, 6))) if zero else ():
             assert both[0][one] == pytest.approx(both[1][one], rel=1e-6), one
     assert checked > 20
-
-
-def frames_at(arm, q):
-    out = np.empty((7, 4, 3))
-    called(link_frames)(arm, q, out)
-    return out
 
 
 def angle_of(before, after):

@@ -103,26 +103,6 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
 
 
 @pytest.mark.parametrize(("name", "price"), COSTS)
-def test_the_planner_offers_it(small_checked_graph, name, price):
-    planner, rng = Planner(small_checked_graph), np.random.default_rng(5)
-    how = {"regrasp_price": price}
-    several = 0
-    for _ in range(4):
-        start, goal = random_query(small_checked_graph, rng)
-        ours = planner.plan(start, goal, name, method="algorithm1", **how)
-        other = planner.plan(start, goal, name, **how)
-        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
-        assert len(ours.tree) == max(ours.expanded - 1, 0)
-        if ours:
-            assert (ours.plan.query.method, ours.plan.query.heuristic) == (
-                "algorithm1",
-                "consistent",
-            )
-            several += len(ours.plan.steps) > 1
-    assert several > 1
-
-
-@pytest.mark.parametrize(("name", "price"), COSTS)
 def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
     smaller = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
     graph = stance_graph(smaller, "mlivr3", NO_COLLISIONS)

@@ -104,8 +104,3 @@ def test_what_cannot_be_planned_with_is_refused_in_one_line(iiwas, failed, words
     with pytest.raises((RobotError, SettingError), match=words) as caught:
         Planner(iiwas).plan(state, (3.0, 0.0, -0.3), failed_joints=failed)
     assert "\n" not in str(caught.value)
-
-
-def test_a_limb_of_six_joints_has_none_to_spare(small_graph):
-    with pytest.raises(RobotError, match=r"limb 0 has 6 joints: with joint 3 failed it can hold"):
-        Planner(small_graph).plan(("D2a:4", "D2b:4"), (3.0, 0.0, 0.0), failed_joints=[(0, 3, 1.0)])

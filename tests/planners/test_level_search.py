@@ -7,7 +7,6 @@ from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.world.grasp_map import as_map
@@ -121,14 +120,3 @@ def test_limits_of_expansions_and_time_end_it(tracks):
         found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)
         assert found.reason == "limit reached"
     assert Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05)
-
-
-def test_it_answers_queries_for_steps_alone(tracks, monkeypatch):
-    lazy, full = _graphs(tracks, blocked=False)
-    asked = []
-    monkeypatch.setattr(LevelSearch, "paths", lambda search: asked.append(search.graph) or iter(()))
-    start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[-1]
-    for graph in (lazy, full):
-        for how in ({"cost": "steps"}, {"cost": "base"}, {"cost": "steps", "method": "dijkstra"}):
-            Planner(graph).plan(start, goal, goal_tolerance=0.05, limit=300, **how)
-    assert asked == [lazy]

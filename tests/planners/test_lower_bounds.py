@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import networkx as nx
 import numpy as np
 import pytest
-from small_tables import every_pair, small_table
+from small_tables import COSTS, every_pair, small_table
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.envs.tasks import sample_task
@@ -18,8 +18,6 @@ from mlivr_gym.stances import table_files
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
-
-COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])

@@ -12,6 +12,7 @@ from small_tables import COSTS, every_pair, goal_at, searching, small_table
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import StanceError
+from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lazy_table import LazyNodeTable
@@ -316,12 +317,6 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
         graph.remove_obstacles()
         graph.vacate()
     assert any(ends)
-
-
-def quaternion(rotation):
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_quat()[[3, 0, 1, 2]]
 
 
 def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(known, monkeypatch):

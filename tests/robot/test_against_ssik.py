@@ -2,7 +2,7 @@
 
 import pytest
 from numeric_solutions import solved
-from ssik_arms import ARMS, Manipulator, compared, eaik_family
+from ssik_arms import compared
 
 EXACT = ("Franka Research 3, joint 6", "KUKA LBR iiwa 7, joint 3", "KUKA KR 210", "Dobot CR5")
 """Arms that EAIK solves, too."""
@@ -18,13 +18,6 @@ def test_ssik_finds_the_same_solutions(name):
     assert row["found"] == row["ssik"] > 4
     assert row["foreign"] == row["missed"] == 0
     assert row["largest_error"] < 1e-10
-
-
-@pytest.mark.parametrize("name", BESIDE)
-def test_eaik_does_not_solve_them(name):
-    """A reason to ask ssik; the deviation is that of the file."""
-    _, arm, held = ARMS[name]
-    assert eaik_family(Manipulator.from_prebuilt(arm), held) is None
 
 
 @pytest.mark.parametrize("name", ["UFactory xArm 6", "Kinova Gen3 lite"])

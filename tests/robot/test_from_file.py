@@ -71,20 +71,6 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     assert RobotSpec.from_urdf(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
 
 
-@pytest.mark.parametrize("count", [2, 3])
-def test_evenly_mounted_arms_are_recognised(tmp_path, count):
-    """Their zero angles point alike, so that they have the same limits."""
-    places = []
-    for angle in 2.0 * np.pi * np.arange(count) / count:
-        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
-        across = np.array([-0.5 * np.sin(angle), 0.5 * np.cos(angle), np.sqrt(0.75)])
-        places.append(place(0.2 * axis, axis, np.cross(axis, across)))
-    robot = RobotSpec.from_urdf(written(tmp_path, whole_robot(places)))
-    assert robot.mounts is None
-    assert robot.limbs == count
-    assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
-
-
 def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):
     jsonschema = pytest.importorskip("jsonschema")
     from mlivr_gym.envs_assets import asset_path
@@ -191,6 +177,9 @@ def in_millimetres(text):
         (in_millimetres, {}, "m long; it must be at most 100 m: .* in millimetres"),
         (replaced("", ""), {"mount_radius": 40.0}, r"limbs 0 and 1 are mounted 80.* m apart"),
         (replaced("", ""), {"body_size": 0.5, "mount_radius": 0.01}, "inside the body, a box of"),
+        (replaced('radius="0.03"', 'radius="0.3"'),
+         {"limbs": 8, "body_size": 0.1, "mount_radius": 0.05},
+         "limbs 0 and 1 meet at rest: .* overlap by .* m"),
         (replaced("", ""), {"tool_frame": "hand"}, "no link or site 'hand'; it has links base"),
         (replaced("", ""), {"wheels": 2}, "unknown field 'wheels'"),
         (replaced("<sphere", "<mesh filename='package://gone/a.stl'/><sphere"), {},
@@ -295,12 +284,6 @@ def test_a_joint_of_an_mjcf_without_a_range_turns_without_end(tmp_path):
     spans = [np.diff(limb.joint_limits[5])[0] for limb in limbs]
     assert spans[0] == pytest.approx(4 * np.pi)
     assert spans[1] > 100.0  # as a continuous joint of a URDF
-
-
-def test_limbs_that_meet_at_rest_are_refused(tmp_path):
-    shapes = one_arm().replace('radius="0.03"', 'radius="0.3"')
-    with pytest.raises(RobotError, match=r"limbs 0 and 1 meet at rest: .* overlap by .* m"):
-        RobotSpec.from_urdf(written(tmp_path, shapes), limbs=8, body_size=0.1, mount_radius=0.05)
 
 
 def test_a_loop_of_an_mjcf_and_its_speeds(tmp_path):

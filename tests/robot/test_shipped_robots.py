@@ -8,9 +8,7 @@ import pinocchio as pin
 import pytest
 from held_points import assert_held
 
-import mlivr_gym
 from mlivr_gym import robot_spec, stance_graph
-from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import ROBOTS
@@ -45,21 +43,6 @@ and mass, centre and inertia of its link, as Drake's `iiwa14_no_collision.urdf` 
 
 OTHER_SENSE = np.array([1, -1, 1, 1, -1, 1])
 """Joints 2 and 6 of the iiwa turn in the other sense than those of a `SphericalWristLimb`."""
-
-
-@pytest.fixture(scope="module")
-def planned():
-    """A graph and a plan of each robot, made once."""
-    made = {}
-
-    def of(name):
-        if name not in made:
-            graph = stance_graph(robot=name)
-            goal = graph.configuration(graph.state(GOAL))[0].tolist()
-            made[name] = graph, Planner(graph).plan(START, goal, "steps").unwrap()
-        return made[name]
-
-    return of
 
 
 @pytest.mark.parametrize("name", FILES)
@@ -109,18 +92,16 @@ def test_the_links_of_the_iiwa_have_the_masses_of_its_description():
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_a_robot_that_ships_plans_a_walk(name, planned):
-    graph, plan = planned(name)
+def test_a_robot_that_ships_plans_a_walk_and_walks_in_mujoco(name):
+    graph = stance_graph(robot=name)
+    goal = graph.configuration(graph.state(GOAL))[0].tolist()
+    plan = Planner(graph).plan(START, goal, "steps").unwrap()
     assert len(graph) > 5000
     assert 2 <= len(plan.steps) <= 8
     check_motion(plan.query, plan.world, plan.motion, graph.grasp_map)
-
-
-@pytest.mark.parametrize("name", FILES)
-def test_a_robot_that_ships_walks_in_mujoco(name, planned):
-    execution = execute(*planned(name))
+    execution = execute(graph, plan)
     assert execution.failure is None
-    assert len(execution.captures) == len(execution.plan.steps)
+    assert len(execution.captures) == len(plan.steps)
 
 
 @pytest.mark.parametrize("name", ["mlivr3", "mlivr4"])
@@ -164,9 +145,3 @@ def test_three_iiwa_walk_to_points_that_pinocchio_sees_them_reach(jem):
     execution = execute(graph, plan)
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps) > 0
-
-
-def test_a_wrong_name_is_told_all_names():
-    with pytest.raises(RobotError) as error:
-        mlivr_gym.stance_graph(robot="mlivr2-ur10")
-    assert all(name in str(error.value) for name in ROBOTS)

@@ -13,7 +13,6 @@ from robot_texts import (
     KR16,
     PUMA560,
     UR10E,
-    frames_along,
     frames_of,
     one_arm,
     whole_robot,
@@ -258,8 +257,3 @@ def test_a_joint_that_is_held_without_an_angle_is_told_in_the_terms_of_the_file(
     words = "held_angle is missing; joint 'joint3', .* turns from 0.2 to 3 rad and cannot be at 0"
     with pytest.raises(RobotError, match=words):
         read_robot(written(tmp_path, text))
-
-
-def test_frames_are_those_of_their_steps():
-    (frame,) = frames_along([((1.0, 2.0, 3.0), "x", 90.0)])
-    np.testing.assert_allclose(frame[:3, 2], [0.0, -1.0, 0.0], atol=1e-15)

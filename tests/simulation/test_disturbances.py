@@ -96,7 +96,10 @@ def test_a_grasp_that_misses_is_attempted_again(checked_graph, plan):
         setup = Setup.of(controller=controller, physics={"capture_distance": 1e-9})
         simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
         done = execute_timed_plan(simulation, walk)
-        assert done[-1].failure.kind == "missed grasp"
+        failure = done[-1].failure
+        assert (failure.kind, failure.step, failure.phase) == ("missed grasp", 0, "approach")
+        assert failure.limb == plan.steps[0].limb
+        assert failure.values["distance_m"] > failure.values["allowed_distance_m"] == 1e-9
         times.append(simulation.time)
     approach = (walk.steps[0].phase == 2).sum() * 0.002
     np.testing.assert_allclose(np.diff(times), 2.0 * approach, atol=0.01)

@@ -11,7 +11,6 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import SettingError
 from mlivr_gym.kinematics.manipulability import limb_manipulability
-from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
@@ -104,11 +103,6 @@ def test_limbs_hold_their_points_as_the_published_arm_does(graph):
             w_m = limb_manipulability(jacobian[:, 1:], ROBOT.characteristic_length)
             assert w_m >= graph.limb_threshold - 1e-9
             assert limb_manipulability(jacobian, ROBOT.characteristic_length) >= w_m
-
-
-def test_a_plan_along_the_truss_is_what_a_check_of_it_finds(graph, plan):
-    assert len(plan.steps) >= 3
-    check_motion(plan.query, plan.world, plan.motion, graph.grasp_map)
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ from functools import wraps
 
 import numpy as np
 import pytest
-from small_tables import small_map, small_table
+from small_tables import small_map, small_table, stop_at
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled import kernels
@@ -33,14 +33,6 @@ def small_blocks(monkeypatch):
 def assert_same(table, other):
     for one, two in zip(table, other, strict=True):
         np.testing.assert_array_equal(one, two)
-
-
-def stop_at(share):
-    def progress(done):
-        if done >= share:
-            raise KeyboardInterrupt
-
-    return progress
 
 
 def counted(done, name):

@@ -14,7 +14,6 @@ from small_tables import small_table
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.node_table import ROUNDED
-from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import TableError
@@ -97,14 +96,6 @@ def test_a_compressed_file_is_unpacked_once(graph, table, empty_cache, caplog):
     assert "is damaged, or not of format" in caplog.text
 
 
-@pytest.mark.parametrize("content", [b"", b"{}", b"PK\x03\x04"])
-def test_what_is_no_table_is_refused(graph, tmp_path, content):
-    path = tmp_path / "nodes.npz"
-    path.write_bytes(content)
-    with pytest.raises(TableError, match=r"nodes\.npz' is damaged, or not of format"):
-        NODE_TABLES.read(graph, path)
-
-
 @pytest.mark.parametrize(
     ("name", "change"),
     [
@@ -135,11 +126,3 @@ def test_a_damaged_file_is_refused_or_still_the_same(data, graph, table, tmp_pat
     again = loaded(partial(NODE_TABLES.read, graph), path, data.draw(damaged(path.read_bytes())))
     for one, other in zip(again or (), table if again else (), strict=True):
         np.testing.assert_allclose(one, other, atol=ROUNDED, rtol=0)
-
-
-def test_what_has_no_table_is_refused(jem):
-    part = jem.subset(np.arange(len(jem)) < 8, "few")
-    with pytest.raises(TableError, match="three or four"):
-        build(stance_graph(part, {**stance_graph(part, "mlivr3").robot.to_dict(), "limbs": 5}))
-    with pytest.raises(TableError, match="where steps are checked"):
-        build(stance_graph(part, "mlivr3", Settings(transitions=False)))

@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from small_tables import stop_at
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
@@ -65,14 +66,6 @@ def assert_same(graph, whole):
     ):
         for name in theirs.dtype.names:
             np.testing.assert_array_equal(ours[name], theirs[name])
-
-
-def stop_at(share):
-    def progress(done):
-        if done >= share:
-            raise KeyboardInterrupt
-
-    return progress
 
 
 def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, checked):

@@ -5,13 +5,14 @@ import oracle
 import station_arm
 import wrist_arms
 from branches import angles_on, arm_of, flanges_nearby, solutions
+from compiled import called
 from held_paths import GRIP, MOUNT, ORIGIN, TOOL, path_between, random_ends
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics import spherical_wrist, ur
 from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
-from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.kinematics.families import forward_kinematics, link_frames
 
 ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 """The arm of a space station is of the form of the UR arms once its first joint is locked."""
@@ -35,6 +36,13 @@ def truth(name, q):
 def frames(limb, q):
     """Frames 0 to 6 of the closed form, shape (7, 4, 4)."""
     return forward_kinematics(q, limb.lengths, limb.family_code)
+
+
+def frames_at(arm, q):
+    """The same by compiled code: rows of an origin and three axes, shape (7, 4, 3)."""
+    out = np.empty((7, 4, 3))
+    called(link_frames)(arm, q, out)
+    return out
 
 
 def jacobian(limb, q):

@@ -2,13 +2,10 @@
 
 import numpy as np
 
-from mlivr_gym import Settings
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.records import StepRecord
-
-NO_COLLISIONS = Settings(collisions=False)
 
 
 def neighbouring_points(graph, count, seed):

@@ -58,3 +58,13 @@ def every_pair(table):
 def goal_at(graph, table, row, cost, tolerance=0.05):
     """A goal at a node of a table; the cost is one of `COSTS`."""
     return Goal.from_arguments(graph, table.base_position[row].astype(float), *cost, tolerance)
+
+
+def stop_at(share):
+    """Return what interrupts a build that has come so far."""
+
+    def progress(done):
+        if done >= share:
+            raise KeyboardInterrupt
+
+    return progress

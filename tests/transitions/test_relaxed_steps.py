@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from paper import NO_COLLISIONS
 from plain_checks import PlainChecks, members
 from plain_steps import PlainStep
-from random_steps import NO_COLLISIONS, asked, two_stances
+from random_steps import asked, two_stances
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.bit_sets import ALL

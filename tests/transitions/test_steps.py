@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from limb_motions import swinging
+from paper import NO_COLLISIONS
 from plain_checks import PlainChecks, branch_set_of, members
 from plain_steps import NO_EDGE, PlainStep
-from random_steps import NO_COLLISIONS, asked, two_stances
+from random_steps import asked, two_stances
 
 from mlivr_gym import stance_graph
 from mlivr_gym.collisions.motion import SweepScratch

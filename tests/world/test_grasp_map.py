@@ -10,7 +10,7 @@ from mlivr_gym.errors import GoalError, MapError, UnknownPointError
 from mlivr_gym.robot.specification import EVEN
 from mlivr_gym.world.map_entries import MARGIN
 
-LARGE = "is .*larger than 1000 m; .*millimetres"
+LARGE = "is .*larger than 1000 m; for a map in millimetres give unit 'mm'"
 
 
 def test_the_measured_map_has_331_of_414_points(jem):
@@ -112,7 +112,10 @@ def test_rounding_does_not_make_another_map(jem):
         ({"points": [POINT | {"rail": [0, 0, 0]}]}, r"^points\[0\] has a rail without a direction"),
         ({"points": [POINT | {"position": [0, 0, 5230.0]}]}, rf"points\[0\].position\[2\] {LARGE}"),
         ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, rf"segments\[0\].end\[2\] {LARGE}"),
-        ({"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]}, rf"max\[0\] {LARGE}"),
+        (
+            {"points": [POINT], "boxes": [BOX | {"max": [1900.0, 1, 1]}]},
+            r"max\[0\] is 1900, larger than 1000 m; .*millimetres",
+        ),
         (
             {"points": [POINT], "cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}},
             rf"cabin.max\[0\] {LARGE}",

@@ -40,11 +40,6 @@ def test_a_wrong_name_is_refused_with_the_names(name):
         gymnasium.make("mlivr_gym:MLIVR-JEM-v0", map=name)
 
 
-def test_a_file_that_is_missing_is_refused_as_before():
-    with pytest.raises(MapError, match="cannot read map"):
-        as_map("missing.json")
-
-
 def test_a_file_in_the_folder_may_have_any_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     jem_map().save("ladder")

@@ -86,19 +86,6 @@ def test_what_looks_like_millimetres_is_refused_until_it_says_its_unit(data):
 
 
 @pytest.mark.parametrize(
-    ("data", "where"),
-    [
-        (wall([0, 1876, 0]), r"points\[0\]\.position\[1\] is 1876"),
-        ({"segments": [SEGMENT | {"end": [0, 1, 1752.6]}]}, r"segments\[0\]\.end\[2\] is 1752.6"),
-        (LADDER | {"cabin": {"min": [0, 0, 0], "max": [9593, 1, 1]}}, r"cabin\.max\[0\] is 9593"),
-    ],
-)
-def test_what_is_too_large_for_metres_is_asked_for_its_unit(data, where):
-    with pytest.raises(MapError, match=where + r", larger than 1000 m; .*give unit 'mm'"):
-        GraspMap.from_dict(data)
-
-
-@pytest.mark.parametrize(
     "data",
     [
         wall([900, 0, 0], [900.5, 0, 0], [901, 0, 0]),
