@@ -1,11 +1,13 @@
 """The command `walk` tells what happens in a line each, and writes the record."""
 
 import json
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from mlivr_gym.cli.main import main
+from mlivr_gym.closed_loop import depth_camera
 from mlivr_gym.closed_loop.record import ARRIVED, LINES, STOPPED, ClosedLoopRecord, Footage
 from mlivr_gym.closed_loop.sensing_robot import NOTICED
 from mlivr_gym.planners import Planner
@@ -16,12 +18,21 @@ BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]
 GOAL, FAR_GOAL = (["--goal", x, "0.0", z] for x, z in (("2.8", "0.0"), ("4.2", "0.42")))
 
 
-def test_it_tells_and_writes_what_happened(tmp_path, capsys, checked_graph):
+@dataclass(frozen=True)
+class CoarseCamera(depth_camera.DepthCamera):
+    """Cameras that take less time."""
+
+    pixels: int = 40
+    period: float = 0.5
+
+
+def test_it_tells_and_writes_what_happened(tmp_path, capsys, checked_graph, monkeypatch):
     """The first point that it reaches for refuses the grasp; the bag is not in the way to it."""
     out, picture = tmp_path / "walk.json", tmp_path / "walk.png"
     files = ["--out", str(out), "--picture", str(picture)]
     plan = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (2.8, 0.0, 0.0), "steps").unwrap()
     refusing = plan.actions[0][1]
+    monkeypatch.setattr(depth_camera, "DepthCamera", CoarseCamera)
     code = main([*START, *GOAL, *BAG, "--refusing", refusing, *files])
     lines = capsys.readouterr().out.splitlines()
     record = json.loads(out.read_text())
