@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -137,10 +138,12 @@ def _numbers(schema: dict[str, Any], shape: Sequence[str]) -> str:
 
 
 def attributes(made: type) -> dict[str, str]:
-    """Return the descriptions of a class's attributes from its docstrings."""
+    """Return the descriptions of a class's attributes, inherited ones first, from docstrings."""
+    base = made.__base__
+    found = attributes(base) if dataclasses.is_dataclass(base) else {}
     source = ast.parse(inspect.getsource(made)).body[0]
     assert isinstance(source, ast.ClassDef)
-    return {
+    return found | {
         ast.unparse(field.target): inspect.cleandoc(ast.literal_eval(text.value)).replace("\n", " ")
         for field, text in pairwise(source.body)
         if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr)

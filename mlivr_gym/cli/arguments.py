@@ -250,13 +250,17 @@ def chosen_settings(args: argparse.Namespace) -> Settings:
 
 def chosen_obstacles(args: argparse.Namespace) -> tuple[list[Box], list[str]]:
     """Return the boxes and the occupied points of the arguments."""
-    boxes = [Box.between(f"box{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(args.box)]
-    occupied = list(args.occupied)
+    boxes, occupied = numbered_boxes("box", args.box), list(args.occupied)
     if args.obstacles:
         more, points = load_obstacles(args.obstacles)
         boxes.extend(more)
         occupied.extend(points)
     return boxes, occupied
+
+
+def numbered_boxes(name: str, corners: list[list[float]]) -> list[Box]:
+    """Return boxes by their lower and upper corners [m], with numbered names."""
+    return [Box.between(f"{name}{k}", "obstacle", v[:3], v[3:]) for k, v in enumerate(corners)]
 
 
 def chosen_task(

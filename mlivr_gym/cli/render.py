@@ -73,14 +73,17 @@ def run(args: argparse.Namespace) -> None:
         start = chosen_task(graph, args)[0] if args.start is None else args.start
         held = graph.configuration(graph.state(start)), graph.ids(graph.state(start).stance)
         drawn = [Shot(held[0])]
-    scene = _mjcf(grasp_map, robot, obstacles, held) if args.mjcf else None
+    if args.mjcf:
+        from mlivr_gym.simulation.export import exported_model  # imports MuJoCo, hence GL
+
+        scene = exported_model(grasp_map, robot, *held, obstacles)
     with Progress("drawing", quiet=args.quiet):
         draw(
             grasp_map, robot, {Path(args.out): drawn}, args.size, obstacles, route,
             capsules=args.capsules,
         )  # fmt: skip
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
-    if scene is not None:
+    if args.mjcf:
         write_whole(args.mjcf, scene)
         print(f"scene: {args.mjcf}")
 
@@ -164,17 +167,3 @@ def draw(
         renderer.close()
     for path in pictures:
         print(f"picture: {path}", flush=True)
-
-
-def _mjcf(
-    grasp_map: GraspMap,
-    robot: RobotSpec,
-    obstacles: Sequence[Box],
-    held: tuple[Configuration, Sequence[str]],
-) -> str:
-    """Export the simulation model in a stance as MJCF."""
-    from mlivr_gym.simulation.export import exported_model  # imports MuJoCo, hence GL
-
-    configuration, stance = held
-    points = [grasp_map.index(point) for point in stance]
-    return exported_model(grasp_map, robot, configuration, points, obstacles)

@@ -14,6 +14,7 @@ from mlivr_gym.cli.arguments import (
     chosen_graph,
     chosen_task,
     controller_option,
+    numbered_boxes,
     obstacle_options,
     option,
     refuse_without_effect,
@@ -86,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     with Progress("building the stance graph", quiet=args.quiet):
         graph = chosen_graph(args)
         start, goal = chosen_task(graph, args)
-    unknown, gone = _boxes("unknown", args.unknown), _boxes("gone", args.gone)
+    unknown, gone = numbered_boxes("unknown", args.unknown), numbered_boxes("gone", args.gone)
     graph.add_obstacles(gone)
     crew = [CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew]
     record = run_closed_loop(
@@ -123,13 +124,6 @@ def run(args: argparse.Namespace) -> int:
     if record.crew_distance is not None and record.crew_distance <= 0.0:
         return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
-
-
-def _boxes(name: str, corners: list[list[float]]) -> list[Box]:
-    """Return boxes by their lower and upper corners [m], with numbered names."""
-    return [
-        Box.between(f"{name}{k}", "obstacle", box[:3], box[3:]) for k, box in enumerate(corners)
-    ]
 
 
 def _draw(

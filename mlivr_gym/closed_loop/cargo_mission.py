@@ -69,28 +69,19 @@ class MissionPart(NamedTuple):
 
 @dataclass(frozen=True)
 class CargoMission:
-    """A planned mission.
-
-    Attributes
-    ----------
-    limb
-        Number of the limb that carries.
-    cargo
-        The bag.
-    graphs
-        Stance graphs of the robot and of the robot that carries.
-    plans
-        The walks to the bag and with it.
-    motions
-        Joint angles of the limb at the knots of its motions: to the bag, with it to where it is
-        folded, and to where it is stowed, each (k, 6) [rad].
-    """
+    """A planned mission."""
 
     limb: int
+    """Number of the limb that carries."""
     cargo: Cargo
+    """The bag."""
     graphs: tuple[StanceGraph, StanceGraph]
+    """Stance graphs of the robot and of the robot that carries."""
     plans: tuple[Plan, Plan]
+    """The walks to the bag and with it."""
     motions: tuple[Array, Array, Array]
+    """Joint angles of the limb at the knots of its motions: to the bag, with it to where it is
+    folded, and to where it is stowed, each (k, 6) [rad]."""
 
     @property
     def cost(self) -> float:

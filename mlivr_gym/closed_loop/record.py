@@ -35,28 +35,21 @@ LINES = {
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened in a closed loop.
-
-    Attributes
-    ----------
-    kind
-        `"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"waits"`, `"holds"`, `"step"`,
-        `"refused"`, `"blocked"` or `"end"`.
-    time
-        Simulated time [s].
-    values
-        What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
-        `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all
-        that is seen so far; `"gone"` and `"doubts"` have `box`, the id of an obstacle;
-        `"freed"` has `cubes`, how many are obstacles no longer since the last grasp;
-        `"planned"` has `steps` and `computing_time` [s], from what was seen to
-        the plan; `"step"` has `limb`, `point` and `duration` [s]; `"refused"` and `"blocked"` have
-        `limb`, `point` and `failure`, its kind; `"end"` has `outcome` and `reason`.
-    """
+    """Something that happened in a closed loop."""
 
     kind: str
+    """`"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"waits"`, `"holds"`, `"step"`,
+    `"refused"`, `"blocked"` or `"end"`."""
     time: float
+    """Simulated time [s]."""
     values: dict[str, Any]
+    """What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
+    `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all that
+    is seen so far; `"gone"` and `"doubts"` have `box`, the id of an obstacle; `"freed"` has
+    `cubes`, how many are obstacles no longer since the last grasp; `"planned"` has `steps` and
+    `computing_time` [s], from what was seen to the plan; `"step"` has `limb`, `point` and
+    `duration` [s]; `"refused"` and `"blocked"` have `limb`, `point` and `failure`, its kind;
+    `"end"` has `outcome` and `reason`."""
 
     @property
     def line(self) -> str:
@@ -66,21 +59,14 @@ class Event:
 
 @dataclass
 class Footage:
-    """What a film of a closed loop shows beside the events.
-
-    Attributes
-    ----------
-    recordings
-        The motions of the robot, in order.
-    looks
-        The time of each look of the cameras [s], and all boxes that are believed after it.
-    plans
-        The time from which each plan is followed [s], and the plan.
-    """
+    """What a film of a closed loop shows beside the events."""
 
     recordings: list[Recording] = field(default_factory=list)
+    """The motions of the robot, in order."""
     looks: list[tuple[float, tuple[Box, ...]]] = field(default_factory=list)
+    """The time of each look of the cameras [s], and all boxes that are believed after it."""
     plans: list[tuple[float, Plan]] = field(default_factory=list)
+    """The time from which each plan is followed [s], and the plan."""
 
     @property
     def recording(self) -> Recording:
@@ -90,57 +76,39 @@ class Footage:
 
 @dataclass
 class ClosedLoopRecord:
-    """The record of a closed loop.
-
-    Attributes
-    ----------
-    outcome
-        `ARRIVED`, `STOPPED` or `FAILED`.
-    reason
-        Why the walk ended, in one sentence.
-    proved
-        Whether a robot that stopped has proved that no plan exists in the world that it believes
-        in.
-    events
-        What happened, in order.
-    plans
-        Each plan that led the robot elsewhere than the one before, with the number of its steps
-        that were taken.
-    sensed
-        Boxes that were sensed.
-    state
-        The state of the stance graph after the last step; None if no step could be planned.
-    refused
-        Ids of the points that count as occupied, since limbs did not get to them or were refused.
-    times_ahead
-        Computing time of each plan that was made during a step, from where it leads [s].
-    peak_force
-        Largest force of a grasp [N].
-    duration
-        Simulated time [s].
-    crew_distance
-        Smallest distance from a crew member [m]; None if there is none.
-    is_crew_unavoidable
-        Whether the search for a way out of the lanes of crew members was exhausted at the start:
-        no sequence of steps, with waits of whole seconds, keeps the distance; see `evasion`.
-    footage
-        What a film shows; None if none was asked for.
-    """
+    """The record of a closed loop."""
 
     outcome: str = FAILED
+    """`ARRIVED`, `STOPPED` or `FAILED`."""
     reason: str = ""
+    """Why the walk ended, in one sentence."""
     proved: bool = False
+    """Whether a robot that stopped has proved that no plan exists in the world that it believes
+    in."""
     events: list[Event] = field(default_factory=list)
+    """What happened, in order."""
     plans: list[tuple[Plan, int]] = field(default_factory=list)
+    """Each plan that led the robot elsewhere than the one before, with the number of its steps that
+    were taken."""
     sensed: tuple[Box, ...] = ()
+    """Boxes that were sensed."""
     state: State | None = None
+    """The state of the stance graph after the last step; None if no step could be planned."""
     refused: tuple[str, ...] = ()
+    """Ids of the points that count as occupied, since limbs did not get to them or were refused."""
     times_ahead: list[float] = field(default_factory=list)
+    """Computing time of each plan that was made during a step, from where it leads [s]."""
     peak_force: float = 0.0
+    """Largest force of a grasp [N]."""
     duration: float = 0.0
+    """Simulated time [s]."""
     crew_distance: float | None = None
+    """Smallest distance from a crew member [m]; None if there is none."""
     is_crew_unavoidable: bool = False
+    """Whether the search for a way out of the lanes of crew members was exhausted at the start: no
+    sequence of steps, with waits of whole seconds, keeps the distance; see `evasion`."""
     footage: Footage | None = None
+    """What a film shows; None if none was asked for."""
 
     @property
     def steps(self) -> int:

@@ -1,7 +1,7 @@
 """The Gymnasium environment of all ids: a multi-limbed robot climbs to a goal, step by step.
 
 The environment joins parts that are objects of their own: `rewards`, `tasks`, `observations`, the
-steps of a stance graph (`current_moves`), and pictures (`viewer`). `vector_env` steps many at once.
+steps of a stance graph (`moves`), and pictures (`viewer`). `vector_env` steps many at once.
 """
 
 from __future__ import annotations

@@ -12,14 +12,17 @@ import numpy as np
 from gymnasium import spaces
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.envs.current_moves import CurrentMoves
 from mlivr_gym.envs.observations import Observation, observation_of, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.snapshots import Motion, Snapshot
 from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.kinematics.batches import distance
-from mlivr_gym.stances.moves import Moves, TableMoves
+from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.table_build import find_table
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
 
@@ -41,16 +44,20 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         size: tuple[int, int],
         layouts: bool = False,
     ) -> None:
-        """Build the spaces; pictures have width and height `size` [px].
+        """Build the spaces, and load the node table of a graph of three or more limbs.
 
-        With `layouts`, observations say which points are occupied.
+        Pictures have width and height `size` [px]. With `layouts`, observations say which points
+        are occupied.
         """
         self.graph, self.goal_tolerance, self.render_mode = graph, goal_tolerance, render_mode
         if render_mode is not None:
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
         self.action_space = spaces.Discrete(graph.limbs * len(graph.grasp_map))
         self.observation_space = observation_space(graph, layouts)
-        self._moves, self._layouts = CurrentMoves(graph), layouts
+        if isinstance(graph, ImplicitGraph):
+            find_table(graph)
+        self._moves: Moves | None = None
+        self._moves_version, self._uses_tables, self._layouts = graph.version, False, layouts
         self._state, self._graph_version = None, graph.version
         self._simulation_info: dict[str, Any] = {}
         self._task_info: dict[str, Any] = {}
@@ -58,15 +65,30 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
 
     @property
     def moves(self) -> Moves:
-        """The steps of the stance graph in the present world."""
-        return self._moves.current()
+        """The steps in the present world, from exact tables if all are known."""
+        graph = self.graph
+        if self._moves is None or self._moves_version != graph.version:
+            known = isinstance(graph, TwoLimbGraph) and graph.is_complete
+            self._moves = self._exact_moves() if self._uses_tables or known else GraphMoves(graph)
+            self._moves_version = graph.version
+        return self._moves
 
     def table_moves(self) -> TableMoves:
         """Return the steps from exact tables, which are used from now on.
 
         Raises a `SettingError` if the robot has more than two limbs.
         """
-        return self._moves.use_tables()
+        moves = self.moves
+        if not isinstance(moves, TableMoves):
+            self._moves = moves = self._exact_moves()
+        self._uses_tables = True
+        return moves
+
+    def _exact_moves(self) -> TableMoves:
+        """Return the steps from the exact tables of the present world."""
+        tables = step_tables(self.graph)
+        assert isinstance(self.graph, TwoLimbGraph)
+        return TableMoves(self.graph, tables)
 
     @property
     def state(self) -> State:

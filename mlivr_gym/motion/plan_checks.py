@@ -22,9 +22,9 @@ from mlivr_gym.kinematics.path_following import poses
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
-from mlivr_gym.motion.regrasp import regrasp_of
+from mlivr_gym.motion.regrasp import are_distinct, regrasp_of
 from mlivr_gym.postures.postures import FIELDS, Postures
-from mlivr_gym.robot.limb import LinkOffset
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.stances.build import COMPILED
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
@@ -39,9 +39,6 @@ singularity joint angles and manipulability change by the square root of that, 1
 
 SAME_POSE = 1e-9
 """Base poses that deviate less from the posture of the stance are equal to it [m, rad]."""
-
-SAME_KNOT = 1e-9
-"""Knots that differ by less are equal [1, rad]."""
 
 FLIP = np.diag([-1.0, -1.0, 1.0])
 """Half a turn of a tool about its axis, the symmetry of a grasp."""
@@ -150,7 +147,8 @@ def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) 
     given, robot = _rotations(motion)[k], graph.robot
     positions, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
-        position, turn = _flange(robot.every_limb[i].link_offsets, motion.joint_positions[k, i])
+        frame = link_frames(robot.every_limb[i], motion.joint_positions[k, i])[6]
+        position, turn = frame[:3, 3], frame[:3, :3]
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
             (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),
@@ -166,17 +164,6 @@ def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) 
         _compare(
             f"motion.base_quaternions[{k}]", motion.base_quaternions[k].tolist(), expected.tolist()
         )
-
-
-def _flange(offsets: tuple[LinkOffset, ...], joints: Array) -> tuple[Array, Array]:
-    """Return the position [m] and rotation of the flange in the limb base frame, link by link."""
-    position, turn = np.zeros(3), np.eye(3)
-    for q, (offset, quat) in zip(joints, offsets, strict=True):
-        position = position + turn @ np.array(offset)
-        fixed = scipy.spatial.transform.Rotation.from_quat(quat, scalar_first=True)
-        about = scipy.spatial.transform.Rotation.from_euler("Z", q)
-        turn = turn @ (fixed * about).as_matrix()
-    return position, turn
 
 
 def _rotations(motion: Motion) -> Array:
@@ -271,9 +258,7 @@ def _same_swing(
 
 def _distinct_knots(step: dict[str, Any]) -> dict[str, Any]:
     """Return a step without the knots that repeat the one before, up to rounding."""
-    knots = np.array(step["knots"]).reshape(-1, 7)
-    moved = np.abs(np.diff(knots, axis=0)).max(axis=1) > SAME_KNOT
-    kept = [0, *(np.flatnonzero(moved) + 1).tolist()] if len(knots) else []
+    kept = np.flatnonzero(are_distinct(np.array(step["knots"]).reshape(-1, 7))).tolist()
     return step | {name: tuple(step[name][k] for k in kept) for name in ("knots", "rounded")}
 
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 
@@ -37,8 +37,8 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
     The swing limb departs along the surface normal, follows the knots of its swing while the base
     follows its path, and approaches along the other normal. The support limbs follow the base on
     their branches. There are `samples` configurations on the departure, on the approach, and on
-    each line of the swing. The graph is that of the plan's robot and map. Raises a `PlanError` if
-    the plan has no step of this index, or the step has no swing.
+    each line of the swing, whose ends adjacent lines share. The graph is that of the plan's robot
+    and map. Raises a `PlanError` if the plan has no step of this index, or the step has no swing.
     """
     step = planned_regrasp(graph, plan, index)
     if not len(step.knots):
@@ -48,18 +48,10 @@ def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -
 
 def path_motion(path: RegraspPath, samples: int) -> StepMotion:
     """Compute configurations along a regrasp, as `step_motion` does."""
-    limb, sigma = path.regrasp.limb, np.linspace(0.0, 1.0, samples)
-    swings = [
-        path.swing(segment, np.linspace(0.0, 1.0, samples * lines))
-        for segment, lines in enumerate(path.lines)
-    ]
-    s = np.concatenate([np.zeros(samples), *(s for s, _ in swings), np.ones(samples)])
-    joints = path.supports(s)
-    joints[:, limb] = np.concatenate(
-        [path.departure(sigma), *(joints for _, joints in swings), path.approach(sigma)]
-    )
-    positions, rotations = path.base(s)
-    phase = np.repeat(range(len(PHASES)), [samples, samples * sum(path.lines), samples])
+    segments = path_segments(path, samples)
     return StepMotion(
-        phase, positions, np.array([quaternion(rotation) for rotation in rotations]), joints
+        np.concatenate([np.full(len(one.sigmas), one.phase) for one in segments]),
+        np.concatenate([one.base_positions for one in segments]),
+        np.concatenate([one.base_quaternions for one in segments]),
+        np.concatenate([one.joints for one in segments]),
     )

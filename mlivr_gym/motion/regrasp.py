@@ -99,17 +99,10 @@ class RegraspPath:
         self.graph, self.regrasp = graph, regrasp
 
     @cached_property
-    def _is_distinct(self) -> BoolArray:
-        """Which knots differ from the one before."""
-        moved = np.abs(np.diff(self.regrasp.knots, axis=0)).max(axis=1) > SAME_KNOT
-        kept: BoolArray = np.concatenate([[True], moved])
-        return kept
-
-    @cached_property
     def _knots(self) -> Array:
         """Distinct knots of the swing; of a swing that was not checked, its two end points."""
         if len(self.regrasp.knots):
-            return self.regrasp.knots[self._is_distinct]
+            return self.regrasp.knots[are_distinct(self.regrasp.knots)]
         ends = [self.departure(np.array([0.0, 1.0]))[1:], self.approach(np.array([0.0, 1.0]))[:1]]
         return np.column_stack([[0.0, 1.0], np.concatenate(ends)])
 
@@ -123,7 +116,7 @@ class RegraspPath:
         """The segments of the swing: chains of lines with rounded corners, at rest at both ends."""
         rounded, corners = self.regrasp.rounded, np.zeros((len(self._knots), 2))
         if len(rounded):
-            corners[1:-1] = rounded[self._is_distinct][1:-1]
+            corners[1:-1] = rounded[are_distinct(self.regrasp.knots)][1:-1]
         stops = np.flatnonzero((corners == 0.0).any(axis=1))
         return [
             RoundedLines(self._knots[first : last + 1], corners[first + 1 : last])
@@ -255,6 +248,12 @@ class HasMotion(Protocol):
     @property
     def motion(self) -> Motion:
         """Stances, steps and configurations."""
+
+
+def are_distinct(knots: Array) -> BoolArray:
+    """Return which knots, shape (k, 7), differ from the one before; the first one does."""
+    moved: Array = np.abs(np.diff(knots, axis=0, prepend=np.inf)).max(axis=1)
+    return moved > SAME_KNOT
 
 
 def planned_regrasp(graph: StanceGraph, plan: HasMotion, index: int) -> Regrasp:

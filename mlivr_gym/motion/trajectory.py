@@ -7,7 +7,7 @@ acceleration vanish.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
 from mlivr_gym.motion.time_scaling import duration_of
+from mlivr_gym.motion.timed_configurations import TimedConfigurations
 
 FREE = -1
 """Point index of a limb that holds no point."""
@@ -50,25 +51,13 @@ class TimedPath(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Trajectory:
-    """Configurations, velocities and accelerations at k times, for one step or several."""
+class Trajectory(TimedConfigurations):
+    """Configurations, velocities and accelerations at k regular times, for one step or several."""
 
-    times: Array
-    """Times on a regular grid, shape (k,) [s]."""
-    step: IntArray
-    """Index of the step, shape (k,)."""
-    phase: IntArray
-    """Index into `regrasp.PHASES`, shape (k,)."""
-    joint_positions: Array
-    """Joint angles, shape (k, N, 6) [rad]."""
     joint_velocities: Array
     """Joint velocities, shape (k, N, 6) [rad/s]."""
     joint_accelerations: Array
     """Joint accelerations, shape (k, N, 6) [rad/s^2]."""
-    base_positions: Array
-    """Base positions in the world, shape (k, 3) [m]."""
-    base_quaternions: Array
-    """Base orientations in the world w, x, y, z, shape (k, 4)."""
     base_velocities: Array
     """Linear velocity of the base in the world frame and angular velocity in the body frame, shape
     (k, 6) [m/s, rad/s]."""
@@ -89,17 +78,12 @@ class Trajectory:
         late = replace(
             self, times=self.times + other.times[-1], step=self.step + other.step[-1] + 1
         )
-        joined: dict[str, Any] = {
-            name: np.concatenate([getattr(other, name)[:-1], getattr(late, name)])
-            for name in ARRAYS
-        }  # fmt: skip
-        return replace(self, **joined)
+        return Trajectory.join([other.part(slice(-1)), late])
 
     def at(self, indices: IntArray) -> Trajectory:
         """Return the samples at some indices, with new times one period apart from 0."""
-        kept: dict[str, Any] = {name: getattr(self, name)[indices] for name in ARRAYS}
-        kept["times"] = self.period * np.arange(len(indices), dtype=np.float64)
-        return replace(self, **kept)
+        times = self.period * np.arange(len(indices), dtype=np.float64)
+        return replace(self.part(indices), times=times)
 
     def backwards(self, slowness: int) -> Trajectory:
         """Return the way back, which takes `slowness` times as long, with the phases exchanged.
@@ -160,12 +144,8 @@ class Trajectory:
         """Return every n-th sample, about `period` seconds apart, and the last one."""
         stride = max(round(period / self.period), 1)
         chosen = np.unique(np.append(np.arange(0, len(self.times), stride), len(self.times) - 1))
-        kept: dict[str, Any] = {name: getattr(self, name)[chosen] for name in ARRAYS}
-        return replace(self, **kept)
+        return self.part(chosen)
 
-
-ARRAYS = tuple(field.name for field in fields(Trajectory) if field.name != "point_ids")
-"""Names of the array fields of `Trajectory`."""
 
 VELOCITIES = {"joint_velocities": "joint_accelerations", "base_velocities": "base_accelerations"}
 """Fields of velocities, and those of their derivatives."""

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.regrasp import PHASES
-from mlivr_gym.motion.trajectory import ARRAYS, FREE, Trajectory
+from mlivr_gym.motion.trajectory import FREE, Trajectory
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 """Components of the base pose: position, and quaternion w, x, y, z."""
@@ -45,7 +45,7 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
         points=np.array(trajectory.point_ids),
         joint_names=np.array(joint_names(trajectory)),
         phases=np.array(PHASES),
-        **{name: getattr(trajectory, name) for name in ARRAYS},
+        **trajectory.arrays(),  # type: ignore[arg-type]
     )
     write_whole(path, stream.getvalue())
 

@@ -21,7 +21,6 @@ from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
     SPEED,
     check_film_format,
-    configuration_at,
     default_speed,
     film_cameras,
     film_samples,
@@ -138,7 +137,7 @@ def closed_loop_film(
     recording = record.footage.recording
     speed = default_speed(recording) if speed is None else speed
     samples = film_samples(recording, speed)
-    shown = [configuration_at(recording, int(k)) for k in samples]
+    shown = [recording.configuration(int(k)) for k in samples]
     (width, height), pictures = size, list[NDArray[np.uint8]]()
     picture_height = height - 2 * strip_height(height)
     cameras = film_cameras(graph.robot, shown, width / picture_height)

@@ -169,7 +169,7 @@ def film_pictures(
     width, height = size
     picture_height = height - (strip_height(height) if plan is not None else 0)
     renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles, capsules)
-    shown = [configuration_at(recording, int(k)) for k in samples]
+    shown = [recording.configuration(int(k)) for k in samples]
     cameras = film_cameras(robot, shown, width / picture_height)
     route = Route.of(grasp_map, plan) if plan is not None else None
     pictures = []
@@ -219,15 +219,6 @@ def caption(recording: Recording, k: int, plan: Plan, speed: float = 1.0) -> str
     return (
         f"{time:.0f} s of {end:.0f} s (x{speed:g}), step {number + 1} of {len(plan.steps)}: "
         f"{phase}, limb {step.limb} from {step.from_point} to {step.to_point}"
-    )
-
-
-def configuration_at(recording: Recording, k: int) -> Configuration:
-    """Return the configuration of the robot in a sample of a recording."""
-    return (
-        recording.base_positions[k],
-        recording.base_quaternions[k],
-        recording.joint_positions[k],
     )
 
 

@@ -19,7 +19,6 @@ from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
     SPEED,
     check_film_format,
-    configuration_at,
     film_cameras,
     film_samples,
     save_film,
@@ -81,7 +80,7 @@ def mission_film(
 
 def _configuration(mission: CargoMission, part: MissionPart, k: int) -> Configuration:
     """Return the configuration of the whole robot in a sample of a part."""
-    position, quaternion, joints = configuration_at(part.recording, k)
+    position, quaternion, joints = part.recording.configuration(k)
     if part.name == "carry":
         joints = np.insert(joints, mission.limb, mission.motions[1][-1], axis=0)
     return position, quaternion, joints

@@ -82,12 +82,12 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     parts = [Part("body", BODY_COLOUR, box_faces(body))]
     for name, mount in zip(mount_names(robot), shapes.mounts, strict=True):
         ends = mount["ends"] @ rotation.T + position
-        parts.append(_capsule(name, MOUNT_COLOUR, ends, float(mount["radius"])))
+        parts.append(Part(name, MOUNT_COLOUR, capsule_faces(ends, float(mount["radius"]))))
     for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
         names, radii = shapes.each[i].names, shapes.each[i].radii
         for c, link in enumerate(names):
             name = f"limb{i}/{link}/{names[:c].count(link)}"
-            parts.append(_capsule(name, _link_colour(i, link), limb[c], float(radii[c])))
+            parts.append(Part(name, _link_colour(i, link), capsule_faces(limb[c], float(radii[c]))))
         middle = position + rotation @ robot.mount_positions[i]
         parts += _joints(i, [np.stack([middle, middle]), *limb[: len(names)]])
     return parts
@@ -96,10 +96,8 @@ def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
 def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
     """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
     samples = [np.linspace(start, end, 101) for start, end in axes]
-    return [
-        _capsule(f"limb{limb}/joint/{k}", JOINT_COLOUR, _nearest_pair(*neighbours), JOINT_RADIUS)
-        for k, neighbours in enumerate(pairwise(samples))
-    ]
+    rods = [capsule_faces(_nearest_pair(*pair), JOINT_RADIUS) for pair in pairwise(samples)]
+    return [Part(f"limb{limb}/joint/{k}", JOINT_COLOUR, rod) for k, rod in enumerate(rods)]
 
 
 def _nearest_pair(first: Array, second: Array) -> Array:
@@ -107,11 +105,6 @@ def _nearest_pair(first: Array, second: Array) -> Array:
     distances = scipy.spatial.distance.cdist(first, second)
     i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
     return np.stack([first[i], second[j]])
-
-
-def _capsule(name: str, colour: str, ends: Array, radius: float) -> Part:
-    """Return a capsule by the ends of its axis, shape (2, 3) [m]."""
-    return Part(name, colour, capsule_faces(ends, radius))
 
 
 def _link_colour(limb: int, link: str) -> str:

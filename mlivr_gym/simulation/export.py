@@ -32,7 +32,7 @@ def exported_model(
     grasp_map: GraspMap,
     robot: RobotSpec,
     configuration: tuple[Array, Array, Array],
-    points: Sequence[int],
+    points: Sequence[int | str],
     obstacles: Sequence[Box] = (),
 ) -> str:
     """Return the model in which plans are executed, as MJCF.

@@ -90,8 +90,7 @@ class Guidance:
     def _error(self, trajectory: Trajectory, k: int) -> Array:
         """Return displacement and rotation from the gripper to its reference, (6,) [m, rad]."""
         data, site = self._planned, self._model.site(f"limb{self._limb}/grasp").id
-        data.qpos[:3], data.qpos[3:7] = trajectory.base_positions[k], trajectory.base_quaternions[k]
-        data.qpos[7:] = trajectory.joint_positions[k].ravel()
+        data.qpos[:] = np.concatenate([part.ravel() for part in trajectory.configuration(k)])
         mujoco.mj_kinematics(self._model, data)
         reference = self._grippers.displaced_pose(
             self._point, data.site_xpos[site], data.site_xmat[site].reshape(3, 3)

@@ -69,11 +69,7 @@ class Localisation:
         read.qpos[:7], read.qpos[7:] = base, readings
         read.qpos[:3] += noise[0, :3]
         mujoco.mju_quatIntegrate(read.qpos[3:7], noise[0, 3:], 1.0)
-        planned.qpos[:3], planned.qpos[3:7] = (
-            trajectory.base_positions[k],
-            trajectory.base_quaternions[k],
-        )
-        planned.qpos[7:] = trajectory.joint_positions[k].ravel()
+        planned.qpos[:] = np.concatenate([part.ravel() for part in trajectory.configuration(k)])
         for data in (read, planned):
             mujoco.mj_kinematics(self._model, data)
             mujoco.mj_comPos(self._model, data)

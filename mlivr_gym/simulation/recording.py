@@ -6,9 +6,9 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.motion.timed_configurations import TimedConfigurations
 
 FAILURES = (
     "missed grasp", "refused grasp", "blocked path", "saturation", "collision", "lost hold",
@@ -75,23 +75,11 @@ class Capture:
 
 
 @dataclass(frozen=True)
-class Recording:
-    """Measurements of a simulation at k times."""
+class Recording(TimedConfigurations):
+    """Measurements of a simulation at k times since its reset."""
 
-    times: Array
-    """Times since the reset of the simulation, shape (k,) [s]."""
-    step: IntArray
-    """Index of the step, shape (k,)."""
-    phase: IntArray
-    """Index into `regrasp.PHASES`, shape (k,)."""
-    joint_positions: Array
-    """Joint angles, shape (k, N, 6) [rad]."""
     joint_torques: Array
     """Motor torques, shape (k, N, 6) [N m]."""
-    base_positions: Array
-    """Base positions in the world, shape (k, 3) [m]."""
-    base_quaternions: Array
-    """Base orientations in the world w, x, y, z, shape (k, 4)."""
     base_errors: Array
     """Distance of the base from its planned position, shape (k,) [m]."""
     base_angle_errors: Array
@@ -118,24 +106,6 @@ class Recording:
         """Root mean square over all joint torques, shape (k,) [N m]; the paper's last figure."""
         rms: Array = np.sqrt((self.joint_torques**2).mean(axis=(1, 2)))
         return rms
-
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all arrays by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    def part(self, chosen: slice) -> Recording:
-        """Return a slice of the samples."""
-        return Recording(**{name: array[chosen] for name, array in self.arrays().items()})
-
-    @classmethod
-    def join(cls, parts: list[Recording]) -> Recording:
-        """Concatenate recordings in time."""
-        return cls(
-            **{
-                field.name: np.concatenate([getattr(part, field.name) for part in parts])
-                for field in fields(cls)
-            }
-        )
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from mlivr_gym.arguments import SEED, InstanceOf, checked
@@ -85,15 +85,6 @@ class Setup:
         parts = robot_model(robot).nbody - 1
         drawn = self.disturbances.draw(seed, parts, robot.limbs, len(grasp_map))
         return Simulation(grasp_map, robot, self.physics, obstacles, self.controller, drawn)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the setup as plain data for JSON."""
-        return {
-            "timing": {"kind": type(self.timing).__name__} | asdict(self.timing),
-            "controller": asdict(self.controller),
-            "physics": asdict(self.physics),
-            "disturbances": asdict(self.disturbances),
-        }
 
 
 SETUP = Struct.of(Setup)

@@ -55,6 +55,14 @@ class SimulatedInterval(NamedTuple):
     has_turned_back: bool = False
     """Whether the limb turned back, since its path was blocked; the failure may be on its way."""
 
+    def after(self, *before: SimulatedInterval) -> SimulatedInterval:
+        """Return this interval with the measurements of those before it in front of its own."""
+        parts = (*before, self)
+        return self._replace(
+            recording=Recording.join([part.recording for part in parts]),
+            peaks=Peaks.join([part.peaks for part in parts]),
+        )
+
 
 class SimulatedRobot:
     """A robot in a cabin, with its dynamic state; `Simulation` moves its limbs.

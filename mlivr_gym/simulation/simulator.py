@@ -13,7 +13,7 @@ from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.simulation.failures import grasp_failure
 from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.joint_controller import Reference
-from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
+from mlivr_gym.simulation.recording import Capture, Failure
 from mlivr_gym.simulation.simulated_robot import CHECK_INTERVAL, SimulatedInterval, SimulatedRobot
 
 RETREAT_SLOWNESS = 2
@@ -125,16 +125,15 @@ class Simulation(SimulatedRobot):
                 break
             attempts += 1
             runs += self._repeat_approach(trajectory, reference)
-        recording = Recording.join([run.recording for run in runs])
-        peaks, failure = Peaks.join([run.peaks for run in runs]), runs[-1].failure
-        failure = failure or self._grasp_failure(limb, point, refused)
+        whole = runs[-1].after(*runs[:-1])
+        failure = whole.failure or self._grasp_failure(limb, point, refused)
         if failure is not None:
-            return SimulatedInterval(recording, peaks, None, failure)
+            return whole._replace(failure=failure)
         distance, angle = self.grasp_error(limb, point)
         self._grippers.attach(limb, point)
         name = self.grasp_map.ids[point]
         capture = Capture(self.time, step, limb, name, distance, angle, attempts)
-        return SimulatedInterval(recording, peaks, capture, None)
+        return whole._replace(capture=capture)
 
     def _turned_back(self, trajectory: Trajectory, sample: int) -> Trajectory | None:
         """Return the motion that turns back soon after a sample; None if the end comes before."""
@@ -159,13 +158,9 @@ class Simulation(SimulatedRobot):
         returned = self._reach(back, (point, origin), self._plan_step, begin=sample)
         message = f"limb {limb} turned back on its way to point {ids[point]!r}: its path is blocked"
         blocked = Failure("blocked path", time, self._plan_step, phase, limb, message, {})
-        return SimulatedInterval(
-            Recording.join([executed.recording, returned.recording]),
-            Peaks.join([executed.peaks, returned.peaks]),
-            None,
-            returned.failure or blocked,
-            has_turned_back=True,
-        )
+        failure = returned.failure or blocked
+        whole = returned.after(executed)
+        return whole._replace(capture=None, failure=failure, has_turned_back=True)
 
     def stand_still(
         self, trajectory: Trajectory, duration: float, step: int = 0

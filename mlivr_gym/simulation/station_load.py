@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
@@ -113,13 +114,16 @@ def station_load(recording: Recording, mass: float = STATION_MASS) -> StationLoa
     times, forces, torques = recording.times, recording.module_forces, recording.module_torques
     parts = [np.flatnonzero(recording.step == step).tolist() for step in np.unique(recording.step)]
     period = float(np.diff(times).mean()) if len(times) > 1 else WINDOW
+    impulses, turns = (
+        _largest([cumulative_trapezoid(load[p], times[p], axis=0, initial=0.0) for p in parts])
+        for load in (forces, torques)
+    )
     frequencies, accelerations = third_octaves(forces / (mass * STANDARD_GRAVITY), period)
     return StationLoad(
         times, forces, torques,
         _largest([forces[p] for p in parts]),
         _largest([torques[p] for p in parts]),
-        _largest([_integral(times[p], forces[p]) for p in parts]),
-        _largest([_integral(times[p], torques[p]) for p in parts]),
+        impulses, turns,
         frequencies, accelerations,
     )  # fmt: skip
 
@@ -149,9 +153,3 @@ def third_octaves(signal: Array, period: float) -> tuple[Array, Array]:
 def _largest(parts: list[Array]) -> Array:
     """Return the largest magnitude of the vectors of each of s parts (k, 3), shape (s,)."""
     return np.array([np.linalg.norm(part, axis=1).max() for part in parts])
-
-
-def _integral(times: Array, values: Array) -> Array:
-    """Return the integral of samples (k, 3) over time from the first one, by trapezoids, (k, 3)."""
-    areas = 0.5 * (values[1:] + values[:-1]) * np.diff(times)[:, None]
-    return np.concatenate([np.zeros((1, 3)), np.cumsum(areas, axis=0)])

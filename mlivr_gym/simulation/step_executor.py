@@ -24,7 +24,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.recording import Failure, Peaks, Recording
+from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
@@ -177,10 +177,7 @@ class StepExecutor:
             return self.state, waited
         executed = self.simulation.execute(prepared.trajectory, self.steps_done, watch)
         if waited is not None:
-            executed = executed._replace(
-                recording=Recording.join([waited.recording, executed.recording]),
-                peaks=Peaks.join([waited.peaks, executed.peaks]),
-            )
+            executed = executed.after(waited)
         if executed.failure is None:
             self.steps_done += 1
             self.state, self.joints = prepared.after, prepared.trajectory.joint_positions[-1]

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion.time_scaling import duration_of, stretch
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 from mlivr_gym.simulation.squared_rates import RATIOS, TINY, SquaredLoads, reduce_squares
 
@@ -32,10 +33,7 @@ def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     squares = time_optimal_squared_rates(dynamics)
     times, sigmas = _sampled(dynamics.sigmas, squares)
     scaling = _smoothed(times, sigmas, rise_time)
-    factor = dynamics.binding(scaling).duration / float(scaling.x[-1])
-    order = len(scaling.c) - 1
-    powers = np.arange(order, -1, -1)[:, None]
-    return PPoly(scaling.c / factor**powers, scaling.x * factor)
+    return stretch(scaling, dynamics.binding(scaling).duration / duration_of(scaling))
 
 
 def _squared_loads(dynamics: SegmentDynamics) -> SquaredLoads:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, one_line
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
+from mlivr_gym.motion.timed_configurations import TimedConfigurations
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -33,22 +33,11 @@ AT_REST = len(PHASES)
 """Phase of a frame in which the robot rests in a stance."""
 
 
-@dataclass(frozen=True)
-class Frames:
-    """A sequence of k timed configurations."""
+class Frames(TimedConfigurations):
+    """A sequence of k timed configurations.
 
-    times: Array
-    """Time of each frame, shape (k,) [s]."""
-    step: IntArray
-    """Index of the step, or number of the stance if the robot is at rest, shape (k,)."""
-    phase: IntArray
-    """Index into `regrasp.PHASES`, or `AT_REST`, shape (k,)."""
-    base_positions: Array
-    """Base positions, shape (k, 3) [m]."""
-    base_quaternions: Array
-    """Base orientations w, x, y, z, shape (k, 4)."""
-    joint_positions: Array
-    """Joint angles, shape (k, N, 6) [rad]."""
+    A robot at rest has the number of its stance as step, and the phase `AT_REST`.
+    """
 
     def __len__(self) -> int:
         """Return the number of frames."""
@@ -62,10 +51,6 @@ class Frames:
     def at(self, time: float) -> int:
         """Return the index of the last frame at or before a time [s]."""
         return max(int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1, 0)
-
-    def configuration(self, k: int) -> Configuration:
-        """Return the configuration of a frame."""
-        return self.base_positions[k], self.base_quaternions[k], self.joint_positions[k]
 
     def starts(self) -> Array:
         """Return the start times of the steps and the end time, shape (steps + 1,) [s]."""
@@ -91,10 +76,7 @@ class Frames:
         if len(self) <= MAX_FRAMES:
             return self
         chosen = np.unique(np.linspace(0, len(self) - 1, MAX_FRAMES).round().astype(np.int64))
-        chosen_fields: dict[str, Any] = {
-            f.name: getattr(self, f.name)[chosen] for f in fields(self)
-        }
-        return Frames(**chosen_fields)
+        return self.part(chosen)
 
 
 def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:

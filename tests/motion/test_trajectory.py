@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations, quintic
-from mlivr_gym.motion.trajectory import ARRAYS, FREE
+from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
@@ -213,7 +213,7 @@ def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
     coarse = walk.every(1.0)
     save_npz(coarse, tmp_path / "walk.npz")
     with np.load(tmp_path / "walk.npz", allow_pickle=False) as arrays:
-        assert all(np.array_equal(arrays[name], getattr(coarse, name)) for name in ARRAYS)
+        assert all(np.array_equal(arrays[name], array) for name, array in coarse.arrays().items())
         assert tuple(arrays["points"].tolist()) == coarse.point_ids
     save_csv(coarse, tmp_path / "walk.csv")
     with (tmp_path / "walk.csv").open() as stream:
