@@ -26,7 +26,7 @@ from mlivr_gym.cli.main import main as command
 from mlivr_gym.closed_loop.crew import LEAST_DISTANCE, CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.evasion import PROOF, Evasion, Rest
-from mlivr_gym.closed_loop.loop import run_closed_loop
+from mlivr_gym.closed_loop.loop import EFFORT, run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.envs.tasks import sample_task
@@ -46,9 +46,6 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
-
-TIME_LIMIT = 5.0
-"""Maximum time of each planning [s]."""
 
 ERRORS = replace(ALL, delay=0.01, refusal=0.02)
 """All errors at once: those of `ALL` with a delay of 10 ms, and 2 % of the grasps refused."""
@@ -138,9 +135,9 @@ def graph_of(robot: str) -> StanceGraph:
     return stance_graph(robot=robot_spec(robot))
 
 
-def limit_of(graph: StanceGraph) -> float | None:
-    """Return the maximum time of each planning [s]; two limbs need none."""
-    return TIME_LIMIT if graph.limbs > 2 else None
+def effort_for(graph: StanceGraph) -> int | None:
+    """Return the effort of each planning of the closed loop; two limbs need no limit."""
+    return EFFORT if graph.limbs > 2 else None
 
 
 @cache
@@ -151,7 +148,7 @@ def drawn(robot: str, seed: int) -> Task:
     unknown = unknown_things(graph, task.start, rng)
     graph.add_obstacles(unknown)
     planner = Planner(graph)
-    found = planner.plan(task.start.stance, task.goal, "steps", time_limit=limit_of(graph))
+    found = planner.plan(task.start.stance, task.goal, "steps", effort=effort_for(graph))
     graph.remove_obstacles()
     steps = None if found.plan is None else len(found.plan.steps)
     is_possible = found.reason not in PROVED_IMPOSSIBLE
@@ -173,7 +170,6 @@ def walk(task: int, mode: str) -> dict[str, Any]:
             gone=[box.id for box in gone],
             camera=DepthCamera() if loop == "cameras" else None, setup=setup, seed=task,
             max_steps=60, crew=[crossing(graph, given, task)] if with_crew else [],
-            time_limit=limit_of(graph),
         )  # fmt: skip
     except ShapeError:
         return row | {"outcome": None}
@@ -195,7 +191,7 @@ def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
     """Return whether it is proved that the goal cannot be reached from a state."""
     graph.add_obstacles(task.unknown)
     start = task.start if state is None else state
-    found = Planner(graph).plan(start, task.goal, "steps", time_limit=limit_of(graph))
+    found = Planner(graph).plan(start, task.goal, "steps", effort=effort_for(graph))
     graph.remove_obstacles()
     return found.reason in PROVED_IMPOSSIBLE
 
@@ -219,7 +215,7 @@ def is_unavoidable(graph: StanceGraph, task: Task, seed: int, record: ClosedLoop
 
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
     """Carry the first plan of a task out without looking or replanning."""
-    found = Planner(graph).plan(task.start, task.goal, "steps", time_limit=limit_of(graph))
+    found = Planner(graph).plan(task.start, task.goal, "steps", effort=effort_for(graph))
     if found.plan is None or not found.plan.steps:
         return {"outcome": None}
     simulation = setup.simulation(graph.grasp_map, graph.robot, task.unknown, seed)

@@ -26,7 +26,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.move_bounds import MoveBounds
-from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
+from mlivr_gym.planners.path_search import COST_TOLERANCE, EDGE_EFFORT, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.queues import Block, Entry, OpenQueue
 from mlivr_gym.planners.set_bounds import SetBounds
@@ -197,6 +197,7 @@ class ImplicitSearch(PathSearch):
         if not stances:
             return
         rows = np.array(stances, dtype=np.int64)
+        self.check_effort += EDGE_EFFORT * len(rows)  # a posture counts as an edge
         postures = self.graph.nodes(rows)
         nodes = np.flatnonzero(self.graph.is_node(postures))
         if not len(nodes):
@@ -222,6 +223,7 @@ class ImplicitSearch(PathSearch):
             item = queue.pop(item.stage) if len(batch) < STEP_BATCH else None
         if not batch:
             return
+        self.check_effort += EDGE_EFFORT * len(batch)
         parents = list(dict.fromkeys(entry.parent for entry in batch if entry.parent is not None))
         branch_sets = self.graph.branch_sets_after(
             [parent.state for parent in parents],

@@ -19,7 +19,7 @@ from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.labels import NodePath
-from mlivr_gym.planners.path_search import StatePath
+from mlivr_gym.planners.path_search import EDGE_EFFORT, NODE_EFFORT, StatePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_steps import join
@@ -49,6 +49,8 @@ class LazyTable(ABC):
         Whether the table holds every edge exactly, so that none needs a check.
     label_independent
         Whether the branches kept on an edge do not depend on the label of the path.
+    check_effort
+        Effort of all checks so far, see `PathSearch.effort`.
     is_unchecked
         Whether each node may lose branches to obstacles in a check, shape (n,).
     """
@@ -59,7 +61,7 @@ class LazyTable(ABC):
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Start with no edge checked."""
-        self.version, self.table = graph.version, table
+        self.version, self.table, self.check_effort = graph.version, table, 0
         self.is_unchecked = np.zeros(len(table.points), dtype=np.bool_)
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
@@ -125,6 +127,7 @@ class LazyTwoLimbTable(LazyTable):
 
     def check_nodes(self, rows: IntArray) -> bool:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
+        self.check_effort += NODE_EFFORT * len(rows)
         before = self.table.branch_sets[rows]
         if not self.is_complete:
             self.graph.node_postures(rows)
@@ -135,6 +138,7 @@ class LazyTwoLimbTable(LazyTable):
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
     ) -> NDArray[np.uint64]:
         """Check edges, see `LazyTable.branch_sets_after`."""
+        self.check_effort += EDGE_EFFORT * len(edges)
         (before, limb), (end, _), reverse = edge_ends(self.table, edges)
         kept, rows = self.graph.kept_branches(1 - limb, before, end), np.arange(len(edges))
         clear_bits(self.table.joined, np.concatenate([edges[kept == 0], reverse[kept == 0]]))
@@ -187,6 +191,7 @@ class LazyNodeTable(LazyTable):
         rows = np.unique(rows[self.is_unchecked[rows]])
         if not len(rows):
             return False
+        self.check_effort += NODE_EFFORT * len(rows)
         self.is_unchecked[rows] = False
         graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
         stances = node_stances(graph.grasp_map, graph.robot, self._free_table, rows, none[:, 0])
@@ -253,6 +258,7 @@ class LazyNodeTable(LazyTable):
         The limbs are those of the nodes before the edges. With `record`, releases that are computed
         among obstacles are stored.
         """
+        self.check_effort += EDGE_EFFORT * len(branch_sets)
         graph, (before, i), (after, j) = self.graph, start, end
         rows = np.concatenate([before, after])
         relabellings = np.concatenate([np.zeros_like(i), j - i])

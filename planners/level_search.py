@@ -19,7 +19,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.planners.level_graph import ARRIVAL, Levels, Origins, compute_remaining
 from mlivr_gym.planners.level_paths import LARGEST_CUT, Cuts, find_cuts, find_path
-from mlivr_gym.planners.path_search import PathSearch, StatePath
+from mlivr_gym.planners.path_search import EDGE_EFFORT, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
@@ -57,10 +57,16 @@ class LevelSearch(PathSearch):
         """Return whether a query is one for the fewest steps of two limbs with unknown steps.
 
         Among obstacles few steps of a complete table are to be checked, for which `table_search` is
-        quicker.
+        quicker, unless it has to expand many, see `may_follow`.
         """
         unknown = isinstance(graph, TwoLimbGraph) and not graph.is_complete_without_obstacles
         return unknown and search.heuristic == "relaxed" and not search.goal.cost.base_weight
+
+    @staticmethod
+    def may_follow(graph: TwoLimbGraph, search: SearchQuery) -> bool:
+        """Return whether it may follow on `table_search`: for fewest steps among obstacles."""
+        is_lazy = search.heuristic == "relaxed" and not graph.is_table_complete
+        return is_lazy and not search.goal.cost.base_weight
 
     def _set_origins(self) -> None:
         """Set the states at which paths over stances of the graph may start."""
@@ -111,6 +117,7 @@ class LevelSearch(PathSearch):
         """Check steps, shape (k, 3); return the branches that their support limbs keep."""
         support, before, after = steps.T.copy()
         self._explored.append(steps)
+        self.check_effort += EDGE_EFFORT * len(steps)
         for s in (before, after):
             self._levels.is_checked[s, support] = True
         return self.graph.kept_branches(support, before, after)

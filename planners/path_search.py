@@ -22,6 +22,10 @@ COST_TOLERANCE = 1e-9
 """Relative tolerance of costs: a path must be cheaper by more than this to replace another."""
 
 
+EDGE_EFFORT, NODE_EFFORT = 250, 4
+"""Expansions that take about as long as to check an edge, and a node (four limbs, obstacles)."""
+
+
 class StatePath(NamedTuple):
     """A path over states of the present world."""
 
@@ -41,6 +45,8 @@ class PathSearch(ABC):
         there is none.
     incumbent_cost
         Cost of the cheapest path so far, infinite if there is none.
+    check_effort
+        Effort of the checks so far, see `effort`.
     expanded, generated
         Number of states expanded and generated.
     backward_expanded
@@ -53,7 +59,7 @@ class PathSearch(ABC):
         """Prepare a search from a state."""
         self.graph, self.search, self.goal, self.start = graph, search, search.goal, start
         self.lower_bound, self.incumbent_cost = 0.0, np.inf
-        self.expanded = self.generated = self.backward_expanded = 0
+        self.expanded = self.generated = self.backward_expanded = self.check_effort = 0
         self.start_posture = graph.posture_of(start)
         position = self.start_posture.base_position[0]
         self.starts_at_goal = bool(self.goal.reached(position, start.stance))
@@ -72,8 +78,13 @@ class PathSearch(ABC):
 
     @property
     def is_late(self) -> bool:
-        """Whether the time limit is over."""
-        return time.perf_counter() >= self.search.deadline
+        """Whether the time or the effort of the query is spent."""
+        return self.effort >= self.search.effort or time.perf_counter() >= self.search.deadline
+
+    @property
+    def effort(self) -> int:
+        """The effort so far: expansions, and `EDGE_EFFORT` and `NODE_EFFORT` for each check."""
+        return self.expanded + self.check_effort
 
     @property
     def has_path(self) -> bool:

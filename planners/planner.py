@@ -89,6 +89,7 @@ class Planner:
         start_joints: Sequence[Any] | Array | None = None,
         limit: int = EXPANSIONS,
         time_limit: float | None = None,
+        effort: int | None = None,
         progress: Callable[[int], None] | None = None,
         failed_joints: Sequence[FailedJoint] = (),
     ) -> PlanningResult:
@@ -121,8 +122,9 @@ class Planner:
             its queue by `g + w h`; with more limbs it is an anytime search that ends once the
             bound is proved, in whatever order it expands states (see `searches`). Of no effect for
             `"greedy"`, and without proof for the heuristic `"paper"`. The default is 1 for two
-            limbs, for `"dijkstra"` and `"algorithm1"`, and with a time limit; otherwise any plan
-            will do, and the first one is returned. `plan.statistics.bound` is the bound proved.
+            limbs, for `"dijkstra"` and `"algorithm1"`, and with a time limit or an effort;
+            otherwise any plan will do, and the first one is returned. `plan.statistics.bound` is
+            the bound proved.
         goal_tolerance
             Radius of the goal region [m].
         goal_face
@@ -141,6 +143,9 @@ class Planner:
             Maximum time in which a plan is sought and improved [s]; the search ends earlier once a
             plan is proved within `inflation` (by default 1). The plan then depends on the speed of
             the machine.
+        effort
+            The same as a count that is no faster on another machine: maximum number of expansions,
+            where each check of an edge or a node counts as several, see `PathSearch.effort`.
         progress
             Called from time to time with the number of expansions, by `"algorithm1"` and by
             searches that use no node table, see `searches`.
@@ -170,7 +175,7 @@ class Planner:
                     given[0], goal, cost, regrasp_price=regrasp_price, method=method,
                     heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
                     goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                    time_limit=time_limit, progress=progress,
+                    time_limit=time_limit, effort=effort, progress=progress,
                 )  # fmt: skip
 
             given = start, start_pose, start_joints
@@ -180,7 +185,7 @@ class Planner:
         )
         search = SearchQuery.from_options(
             self.graph, target, method=method, heuristic=heuristic, inflation=inflation,
-            limit=limit, progress=progress, time_limit=time_limit,
+            limit=limit, progress=progress, time_limit=time_limit, effort=effort,
         )  # fmt: skip
         timer = Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)

@@ -61,6 +61,7 @@ QUERY: Validators = {
     "inflation": OrNone(Tuples((), 1.0)),
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
+    "effort": OrNone(Integer(1, MAX_EXPANSIONS)),
     "seed": SEED,
     "failed_joints": FAILED_JOINTS,
 }
@@ -143,6 +144,8 @@ class SearchQuery:
     """Called from time to time with the number of expansions."""
     time_limit: float = math.inf
     """Maximum time in which a plan is sought and improved [s]."""
+    effort: int = sys.maxsize
+    """Maximum effort with which a plan is sought and improved, see `PathSearch.effort`."""
     anytime: bool = False
     """Whether the search is an anytime search of more than two limbs: it finds some plan soon and
     better ones later, until one is proved within `inflation` or the time is over, see
@@ -163,6 +166,7 @@ class SearchQuery:
         limit: int = MAX_EXPANSIONS,
         progress: Callable[[int], None] | None = None,
         time_limit: float | None = None,
+        effort: int | None = None,
     ) -> SearchQuery:
         """Return a query from the options of a user, those of `Planner.plan`.
 
@@ -189,17 +193,21 @@ class SearchQuery:
             raise SettingError("method 'algorithm1' needs a heuristic other than 'relaxed'")
         if time_limit is not None and is_algorithm1:
             raise SettingError(f"time_limit is {time_limit!r}; method 'algorithm1' takes none")
+        if effort is not None and is_algorithm1:
+            raise SettingError(f"effort is {effort!r}; method 'algorithm1' takes none")
         limit, seconds = min(limit, sys.maxsize), math.inf if time_limit is None else time_limit
-        optimal = two_limbs or is_algorithm1 or method == "dijkstra" or seconds < math.inf
+        is_limited = time_limit is not None or effort is not None
+        optimal = two_limbs or is_algorithm1 or method == "dijkstra" or is_limited
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
         anytime = (
             not (two_limbs or is_algorithm1) and method == "astar" and heuristic == "consistent"
         )
-        anytime &= inflation > 1.0 or seconds < math.inf
+        anytime &= inflation > 1.0 or is_limited
         if not (two_limbs or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
-        return cls(goal, method, heuristic, inflation, limit, progress, seconds, anytime)
+        effort = sys.maxsize if effort is None else min(effort, sys.maxsize)
+        return cls(goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime)
 
     @property
     def deadline(self) -> float:

@@ -8,6 +8,7 @@ any other graph is searched without.
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,11 @@ from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
+
+FEW_EXPANSIONS = 250
+"""Expansions after which fewest steps of two limbs among obstacles are searched for by levels: if
+the limbs are on other branches than those on which the way is short, the bounds of `table_search`,
+which know no branches, leave most of the graph to be expanded."""
 
 
 class FollowedPath(NamedTuple):
@@ -111,8 +117,10 @@ class GraphSearcher:
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            found, followed = None, self._followed
-            table_search = TableSearch(lower_bounds, search, start)
+            found, followed, first = None, self._followed, search
+            if isinstance(graph, TwoLimbGraph) and LevelSearch.may_follow(graph, search):
+                first = replace(search, limit=min(search.limit, FEW_EXPANSIONS))
+            table_search = TableSearch(lower_bounds, first, start)
             if graph.obstacles and search.heuristic == "relaxed" and followed is not None:
                 found = followed.remainder(graph, search, start)
             is_cheapest = (
@@ -122,11 +130,29 @@ class GraphSearcher:
             )
             if not is_cheapest:
                 found = run_search(table_search)
+                is_cut = found is not None and found.status == LIMIT_REACHED
+                if is_cut and first.limit < search.limit and not table_search.is_late:
+                    rest = replace(search, effort=search.effort - table_search.effort)
+                    found = self._continued(lower_bounds, rest, start)
             if found is not None and found.bound == 1.0:
                 self._followed = FollowedPath(found.states, search.goal.key, graph.version)
             return found
         assert isinstance(graph, ImplicitGraph)
         return run_search(ImplicitSearch(graph, search, start))
+
+    def _continued(
+        self, lower_bounds: LowerBounds, search: SearchQuery, start: State
+    ) -> SearchResult | None:
+        """Search for fewest steps by levels, unless the bounds show that the goal is cut off.
+
+        They do if all stances are checked.
+        """
+        assert isinstance(self.graph, TwoLimbGraph)
+        lower_bounds.lazy_table.check_nodes(np.arange(len(self.graph)))
+        table_search = TableSearch(lower_bounds, search, start)
+        if table_search.proves(np.inf):
+            return run_search(table_search)
+        return run_search(LevelSearch(self.graph, search, start))
 
     def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
         """Return whether the tables that a search needs are built before its deadline."""

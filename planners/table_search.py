@@ -7,7 +7,7 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014). In between, searches from the goal raise the lower bounds by the edges that were
-  checked. The first path is optimal. Where no table was built, `level_search` finds fewest steps.
+  checked. The first path is optimal. `level_search` finds fewest steps if that takes long.
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
   while one of them keeps no branch. Several stages follow each other, see `search_stages`; each
@@ -25,8 +25,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import packed
-from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
+from mlivr_gym.planners.check_budget import CheckBudget
 from mlivr_gym.planners.check_history import CheckHistory, closest
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, cost_weights
@@ -75,7 +75,7 @@ class TableSearch(PathSearch):
         """Prepare a search from a state."""
         super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
-        self._last_expanded = 0
+        self._checks_before, self._last_expanded = self._lazy_table.check_effort, 0
         self._is_complete = self._is_exhausted = self._is_full = False
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
@@ -200,7 +200,8 @@ class TableSearch(PathSearch):
                 search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
             yield goal_bounds, (SearchStage(parameters),)
-            if self.is_late or self.lower_bound == np.inf or self.expanded >= search.limit:
+            is_over = self._is_complete or self.is_late or self.expanded >= search.limit
+            if is_over or self.lower_bound == np.inf:
                 return
             if self._origin_paths[0].states[0].pose is None:
                 goal_bounds = self._backward_bounds(
@@ -238,28 +239,22 @@ class TableSearch(PathSearch):
         from the start.
         """
         lazy_table, goal, start = self._lazy_table, self.goal, self._origins.nodes[0]
-        base, nodes = lazy_table.table.base_position, np.flatnonzero(goal_bounds.h == 0.0)
-        distances_to_start = distances(base, base[start])
-        start_bounds = goal.cost.heuristic(
-            "consistent", distances_to_start, 0.0, self.graph.max_displacement
-        )
-        start_bounds = np.maximum(start_bounds, MIN_COST_OUTSIDE_GOAL)
-        start_bounds[start] = 0.0
-        if not goal.cost.base_weight:
-            is_start = np.arange(len(base)) == start
-            start_bounds = self._lower_bounds.among_checked(goal.cost, is_start, nodes).h
+        nodes = np.flatnonzero(goal_bounds.h == 0.0)
+        start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes)
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
-        search_graph = SearchGraph(
-            lazy_table.table, lazy_table.checked_edges, cost_weights(goal.cost)
-        )
+        weights = cost_weights(goal.cost)
+        search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
+        checks = CheckBudget(self, lazy_table)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
-            deadline=self.search.deadline, check=lazy_table.branch_sets_after,
+            deadline=self.search.deadline, check=checks,
         )  # fmt: skip
+        if checks.is_spent:
+            return goal_bounds
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
         explored = self._labels.expanded[: found.expanded]
-        exact = np.full(len(base), np.inf)
+        exact = np.full(len(start_bounds), np.inf)
         np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
         start_bounds[start_bounds == np.inf] = 0.0  # no path of the start leads there
         improved = np.maximum(goal_bounds.h, np.minimum(exact, found.lower_bound - start_bounds))
@@ -328,16 +323,17 @@ class TableSearch(PathSearch):
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
-        limit, h = min(parameters.max_expansions, search.limit - self.expanded), goal_bounds.h
+        limit, h = min(search.limit - self.expanded, search.effort - self.effort), goal_bounds.h
+        limit, checks = min(parameters.max_expansions, limit), CheckBudget(self, lazy_table)
         if stage.ordered_by_checks:
             h = self._check_history.ordered(h, goal_bounds.cost)
             parameters = self._check_history.limited(parameters)
         search_graph = SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost))
-        found = cheapest_path(
+        found = checks.outcome(cheapest_path(
             search_graph, h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
-            deadline=search.deadline, check=lazy_table.branch_sets_after,
-        )  # fmt: skip
+            deadline=search.deadline, check=checks,
+        ))  # fmt: skip
         self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
@@ -380,6 +376,11 @@ class TableSearch(PathSearch):
         reached = np.unique(self._labels.queue.node[: self._labels.label_count].astype(np.int64))
         self._check_history.add_failures(touching)
         self._lazy_table.check_nodes(closest(self._lazy_table, reached, touching))
+
+    @property
+    def effort(self) -> int:
+        """The effort so far, see `PathSearch.effort`."""
+        return self.expanded + self._lazy_table.check_effort - self._checks_before
 
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""

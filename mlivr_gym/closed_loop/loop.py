@@ -49,8 +49,11 @@ from mlivr_gym.world.given_points import STANCE
 LOOKS = 4
 """Number of looks during a step after which the robot plans on from where the step leads."""
 
-INFLATION = 2.0
-"""Suboptimality bound of the plans of more than two limbs, with a time limit."""
+INFLATION, ANY_PLAN = 2.0, 1e6
+"""Suboptimality bound of the plans of more than two limbs, and one that any plan is within."""
+
+EFFORT = 1_000_000
+"""Effort of each planning of more than two limbs, see `PathSearch.effort`: some five seconds."""
 
 FAULT = "sensing or planning failed"
 """Reason of a stop after an error of the package."""
@@ -127,9 +130,11 @@ def run_closed_loop(
     max_steps
         Number of attempted steps after which the robot stops.
     time_limit
-        Maximum time of each planning [s]. More than two limbs follow a plan that is proved within
-        `INFLATION`, or the best one found in this time; without a limit, the first one found. If
-        none is found, any plan is searched for, `PATIENCE` times as long, before the robot stops.
+        Maximum time of each planning [s], by default none: two limbs search until a plan is proved
+        to be the best, more limbs until one is proved within `INFLATION`, or with an `EFFORT` that
+        is the same on any machine. With a limit in place of that, plans depend on the speed of the
+        machine. If none is found, any plan is searched for, with `PATIENCE` times the effort or
+        time, before the robot stops.
     show
         Called with each event.
     filmed
@@ -163,12 +168,18 @@ def run_closed_loop(
     there = (box for box in graph.obstacles if box.id not in gone)
     executor = StepExecutor(graph, setup or Setup(), (*there, *unknown))
     planner = Planner(graph)
-    inflation = INFLATION if graph.limbs > 2 and time_limit is not None else None
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
 
     def plan_from(state: State, patience: float) -> PlanningResult:
-        limit = None if time_limit is None else patience * time_limit
-        return plan(state, inflation=inflation if patience == 1.0 else None, time_limit=limit)
+        if graph.limbs == 2 and patience < 1.0:
+            return plan(state, effort=int(patience * EFFORT))
+        factor = max(patience, 1.0)
+        seconds = None if time_limit is None else factor * time_limit
+        if graph.limbs == 2:
+            return plan(state, time_limit=seconds)
+        effort = int(factor * EFFORT) if time_limit is None else None
+        inflation = INFLATION if factor == 1.0 else ANY_PLAN
+        return plan(state, inflation=inflation, time_limit=seconds, effort=effort)
 
     def why_none(result: PlanningResult) -> str:
         occupancy = goal_occupancy(graph, goal, goal_tolerance)

@@ -6,7 +6,7 @@ import pytest
 from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.cautions import CAUTIONS
-from mlivr_gym.closed_loop.course import PATIENCE, Course
+from mlivr_gym.closed_loop.course import AT_ONCE, PATIENCE, Course
 from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
@@ -92,7 +92,7 @@ def test_what_remains_is_followed_if_no_plan_is_found_in_time(graph):
     course.replan(start)
     course.taken += 1
     course.replan(state)
-    assert (course.plan, course.taken, asked) == (best.plan, 1, [1.0, 1.0])
+    assert (course.plan, course.taken, asked) == (best.plan, 1, [1.0, AT_ONCE])
     graph.occupy([best.unwrap().actions[1][1]])
     course.replan(state)  # among smaller boxes, too, and then for longer
     graph.vacate()
@@ -153,3 +153,33 @@ def test_that_no_plan_was_found_ahead_is_believed_until_it_would_end_the_walk(gr
         assert course.plan_ahead(start)  # it may be another now
     finally:
         graph.vacate()
+
+
+def test_a_robot_that_knows_a_step_does_not_wait_for_a_long_search(graph):
+    """What was planned ahead is followed while it is possible, else a search without limit."""
+    planner, asked = Planner(graph), []
+
+    def plan_from(state, patience):
+        asked.append(patience)
+        how = {"limit": 1} if patience == AT_ONCE else {}
+        return planner.plan(state, GOAL, "steps", **how)
+
+    start, state_points = graph.state(START), set(START)
+    for taken in (False, True):
+        course = Course(Belief(graph, 0.003), plan_from)
+        try:
+            assert course.plan_ahead(start)
+            ahead = course._forecast.result.plan
+            points = {point for _, point in ahead.actions}
+            spare = set(graph.grasp_map.ids) - state_points - points
+            graph.occupy([ahead.actions[-1][1] if taken else min(spare)])
+            course.replan(start)
+            if taken:
+                assert course.is_new
+                assert course.plan is not ahead
+            else:  # its swings were found in the world of then
+                assert not course.is_new
+                assert course.plan is ahead
+        finally:
+            graph.vacate()
+    assert asked == [1.0, AT_ONCE, 1.0, 1.0]

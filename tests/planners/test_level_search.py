@@ -6,9 +6,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, searches
+from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import as_map
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
@@ -56,6 +58,30 @@ def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, blocked):
             assert found.plan.statistics.bound == 1.0
     assert max(lengths) > 3
     assert sum(checked) < 0.5 * full.steps.edges["known"].sum()
+
+
+def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, monkeypatch):
+    """All steps but those close to a crate are known; each limb is on one branch at the start."""
+    found, rng = [], np.random.default_rng(2)
+    graph = stance_graph(tracks)
+    fill_rows(graph)
+    graph.add_obstacles([BOX])
+    graph.node_postures(np.arange(len(graph)))
+    is_held = np.flatnonzero(graph.steps.branch_sets.all(axis=1))
+    monkeypatch.setattr(LevelSearch, "tree", lambda _: found.append(1) or np.zeros((0, 2, 3)))
+    for _ in range(12):
+        start = graph.state(graph.points[rng.choice(is_held)].tolist())
+        one = (rng.choice([1 << b for b in range(16) if s >> b & 1]) for s in start.branch_sets)
+        start = State(start.stance, tuple(map(int, one)))
+        goal = np.clip(graph.base_position[rng.integers(len(graph))], *tracks.cabin)
+        results = []
+        for few in (1, 10**9):
+            monkeypatch.setattr(searches, "FEW_EXPANSIONS", few)
+            result = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05)
+            plan = result.plan
+            results.append((result.reason, plan and (plan.cost, plan.statistics.bound)))
+        assert results[0] == results[1], (start, goal)
+    assert 3 < len(found) <= 12
 
 
 @pytest.mark.parametrize(
