@@ -32,6 +32,7 @@ class ImplicitGraph(StanceGraph):
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Start with no results."""
         super().__init__(grasp_map, robot, settings)
+        len(self.pairs)  # raises an error at once if no two points may be held
         self._releases: dict[tuple[bytes, int], Any] = {}
         self._sets: StanceSets | None = None
 

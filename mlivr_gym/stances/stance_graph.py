@@ -56,11 +56,18 @@ class StanceGraph(CheckedSteps):
     """Node table of the graph without obstacles and occupied points; None if there is none."""
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Prepare the solver and the pairs of points that may be held at once."""
+        """Prepare the solver."""
         super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
         self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
-        positions = grasp_map.positions
-        pairs = pairs_within(grasp_map, robot.span)
+
+    @cached_property
+    def pairs(self) -> IntArray:
+        """Ordered pairs of points that may be held at once, shape (p, 2).
+
+        Raises a `RobotError` if there is none.
+        """
+        grasp_map, robot = self.grasp_map, self.robot
+        positions, pairs = grasp_map.positions, pairs_within(grasp_map, robot.span)
         distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
         pairs = pairs[distance >= robot.grasp_separation - 1e-9]
         if not len(pairs):
@@ -69,11 +76,14 @@ class StanceGraph(CheckedSteps):
                 f"its points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
             )
         both = np.concatenate([pairs, pairs[:, ::-1]])
-        self.pairs: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
-        """Ordered pairs of points that may be held at once, shape (p, 2)."""
-        self.partner_start: IntArray = np.searchsorted(
-            self.pairs[:, 0], np.arange(len(grasp_map) + 1)
-        )
+        ordered: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
+        return ordered
+
+    @cached_property
+    def partner_start(self) -> IntArray:
+        """First pair of each point, and the end of all, shape (m + 1,)."""
+        start: IntArray = np.searchsorted(self.pairs[:, 0], np.arange(len(self.grasp_map) + 1))
+        return start
 
     @cached_property
     def compatible(self) -> BoolArray:

@@ -160,7 +160,9 @@ def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
 
 def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
     """Check the arrays of a file and return its sets."""
-    points, support_sets, count = (arrays[name] for name in ("points", "supports", "support_count"))
+    points, support_sets, count = (
+        arrays[name].copy() for name in ("points", "supports", "support_count")
+    )
     shape = len(points), graph.limbs
     check_arrays((points, shape, 0, len(graph.grasp_map)), (support_sets, shape, 0, int(count)))
     if (points.dtype.name, support_sets.dtype.name) != ("uint16", "int32"):

@@ -198,10 +198,10 @@ class TableFiles(Generic[Table]):
         return buffer.getvalue()
 
     def arrays(self, graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
-        """Return the arrays of a graph in an archive.
+        """Return the arrays of a graph in an archive, which cannot be written to.
 
         If they are mapped, the archive has to be without compression. Only the pages that are used
-        are then read, so that CRC-32s are not compared; changes stay in memory. Raises a
+        are then read, so that CRC-32s are not compared; they can be changed in memory. Raises a
         `TableError` if they are of another graph, and one of `DAMAGE` if the file is damaged.
         """
         arrays = {}
@@ -215,8 +215,8 @@ class TableFiles(Generic[Table]):
                     start = stream.seek(sum(lengths), io.SEEK_CUR)
                     array = _array(whole[start : start + info.file_size])
                 else:
-                    # Whole, since `read_array` copies small pieces; a copy, to be written to.
-                    array = _array(np.frombuffer(archive.read(info), np.uint8)).copy("K")
+                    # Whole, since `read_array` copies it in small pieces.
+                    array = _array(np.frombuffer(archive.read(info), np.uint8))
                 arrays[info.filename.removesuffix(".npy")] = array
         return arrays
 

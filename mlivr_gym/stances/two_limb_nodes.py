@@ -55,29 +55,25 @@ def write_edges(table: NodeTable, pairs: TwoLimbTable) -> int:
 
     Returns the number of edges that lose branches.
     """
-    count = edge = 0
+    count = 0
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
             before, limb = divmod(int(table.members[i]), 2)
-            support = 1 - limb
+            support, held = 1 - limb, pairs.branch_sets[before, 1 - limb]
             if branch_set_of(table.releasable[before], limb) == NO_BRANCHES:
-                edge += last - first
                 continue
+            row = table.offset[support_set] + (i - first) * (last - first) - first
             for j in range(first, last):
-                after = int(table.members[j]) // 2
-                shared = kept_on_edge(
-                    pairs.branch_sets[before, support], pairs.branch_sets[after, support]
-                )
-                kept = shared
+                after, edge = int(table.members[j]) // 2, row + j
+                kept = shared = kept_on_edge(held, pairs.branch_sets[after, support])
                 if pairs.check and pairs.edges[edge].known:
                     kept = kept_on_edge(shared, branches_kept(pairs.edges[edge]))
-                grasps = branch_set_of(table.releasable[after], limb) != NO_BRANCHES
-                if i != j and kept and grasps:
+                grasps = kept and branch_set_of(table.releasable[after], limb) != NO_BRANCHES
+                if grasps and i != j:
                     set_bit(table.joined, edge)
                     if kept != shared:
                         set_bit(table.loses_branches, edge)
                         table.lost[count] = np.uint64(shared & ~kept)
                         count += 1
-                edge += 1
     return count

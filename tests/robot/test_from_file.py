@@ -71,6 +71,20 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     assert RobotSpec.from_urdf(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
 
 
+@pytest.mark.parametrize("count", [2, 3])
+def test_evenly_mounted_arms_are_recognised(tmp_path, count):
+    """Their zero angles point alike, so that they have the same limits."""
+    places = []
+    for angle in 2.0 * np.pi * np.arange(count) / count:
+        axis = np.array([np.cos(angle), np.sin(angle), 0.0])
+        across = np.array([-0.5 * np.sin(angle), 0.5 * np.cos(angle), np.sqrt(0.75)])
+        places.append(place(0.2 * axis, axis, np.cross(axis, across)))
+    robot = RobotSpec.from_urdf(written(tmp_path, whole_robot(places)))
+    assert robot.mounts is None
+    assert robot.limbs == count
+    assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+
+
 def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):
     jsonschema = pytest.importorskip("jsonschema")
     from mlivr_gym.envs_assets import asset_path
