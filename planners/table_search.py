@@ -250,9 +250,9 @@ class TableSearch(PathSearch):
             SearchParameters(max_expansions=limit, check_when_popped=True),
             deadline=self.search.deadline, check=checks,
         )  # fmt: skip
+        self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
         if checks.is_spent:
             return goal_bounds
-        self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
         explored = self._labels.expanded[: found.expanded]
         exact = np.full(len(start_bounds), np.inf)
         np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
