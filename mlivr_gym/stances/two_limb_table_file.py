@@ -123,7 +123,7 @@ def _each(edges: Any, index: NDArray[np.unsignedinteger]) -> Any:
     """Return the edges of an index, shape (e,), rows of `TwoLimbEdge`.
 
     As numbers, since NumPy copies records field by field, and some at a time, since it converts the
-    index: all at once takes five times as long.
+    index to numbers of 64 bits.
     """
     if index.dtype.kind != "u" or index.max(initial=0) >= len(edges):
         raise ValueError

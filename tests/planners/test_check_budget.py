@@ -4,9 +4,8 @@ import time
 
 import numpy as np
 import pytest
-from small_tables import small_table
+from small_tables import small_table_with_box
 
-from mlivr_gym import Box
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 
@@ -14,11 +13,8 @@ from mlivr_gym.stances.random_states import random_state
 @pytest.fixture(params=[2, 4])
 def graph(request):
     """A graph on a few points with a box, which goes after the test."""
-    found, table = small_table(request.param)
-    centre = table.base_position.mean(axis=0) + np.array([0.0, 0.5, 0.0])
-    found.add_obstacles([Box.between("box", "obstacle", centre - 0.1, centre + 0.1)])
-    yield found
-    found.remove_obstacles()
+    with small_table_with_box(request.param, 0.1) as found:
+        yield found
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])

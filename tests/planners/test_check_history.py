@@ -4,9 +4,8 @@ import itertools
 
 import numpy as np
 import pytest
-from small_tables import goal_at, searching, small_table
+from small_tables import goal_at, searching, small_table_with_box
 
-from mlivr_gym import Box
 from mlivr_gym.planners import check_history, search_stages, table_search
 from mlivr_gym.planners.check_history import CheckHistory, closest
 from mlivr_gym.planners.costs import Cost
@@ -18,11 +17,8 @@ from mlivr_gym.stances.random_states import random_state
 @pytest.fixture(params=[3, 4])
 def graph(request):
     """A graph on a few points with a box, which goes after the test."""
-    found, table = small_table(request.param)
-    centre = table.base_position.mean(axis=0) + np.array([0.0, 0.5, 0.0])
-    found.add_obstacles([Box.between("box", "obstacle", centre - 0.04, centre + 0.04)])
-    yield found
-    found.remove_obstacles()
+    with small_table_with_box(request.param, 0.04) as found:
+        yield found
 
 
 def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):

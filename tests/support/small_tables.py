@@ -1,11 +1,12 @@
 """Tables of all nodes of robots with two, three and four limbs on a few points."""
 
+from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
 from unequal_robots import unequal
 
-from mlivr_gym import jem_map, stance_graph
+from mlivr_gym import Box, jem_map, stance_graph
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.node_table_build import build
@@ -32,6 +33,16 @@ def small_table(limbs, is_unequal=False):
     else:
         graph.table = build(graph)
     return graph, graph.table
+
+
+@contextmanager
+def small_table_with_box(limbs, half):
+    """The graph of `small_table`, with a cube beside its nodes while it is used."""
+    graph, table = small_table(limbs)
+    centre = table.base_position.mean(axis=0) + np.array([0.0, 0.5, 0.0])
+    graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
+    yield graph
+    graph.remove_obstacles()
 
 
 def searching(bounds, goal, start, **options):
