@@ -83,6 +83,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/random_layouts.py
 	$(BIN)/python experiments/places.py
+	$(BIN)/python experiments/place_pictures.py
 	$(BIN)/mlivr-gym reach --start D2a:4 D2b:4 --picture docs/pictures/reach.png && rm docs/pictures/reach.svg
 	$(BIN)/python experiments/whole_station.py
 	$(BIN)/python experiments/start_up.py

@@ -18,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import StepMotion, step_motion
@@ -36,6 +35,7 @@ from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.viewer.curves import limb_manipulabilities
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""
@@ -92,10 +92,7 @@ def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
 
 def manipulability(graph: TwoLimbGraph, q: Array) -> float:
     """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
-    frames = forward_kinematics(q, graph.robot.limb.lengths)
-    axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
-    jacobian = np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])
-    return limb_manipulability(jacobian, graph.robot.characteristic_length)
+    return float(limb_manipulabilities(graph.robot, np.tile(q, (1, 2, 1)))[0, 0])
 
 
 def angles(graph: TwoLimbGraph, limb: int, position: Array, turn: Array) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 import gymnasium
 from reports import command_line
 
-from mlivr_gym.agents import planner_policy
+from mlivr_gym.agents import evaluate, planner_policy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.pictures.film import save_film
 
@@ -26,16 +26,11 @@ def main() -> None:
     """Run the episodes and write their films."""
     out = command_line(__doc__).parse_args().out
     for name, (identity, seed) in EPISODES.items():
-        env = gymnasium.make(identity, render_mode="rgb_array_list", **SIZE)
-        plain, policy, ended = env.unwrapped, planner_policy("steps"), False
-        assert isinstance(plain, MlivrEnv)
-        observation, _ = env.reset(seed=seed)
-        while not ended:
-            action = policy.act(plain, observation, plain.action_masks())
-            observation, _, terminated, truncated, info = env.step(action)
-            ended = terminated or truncated
-        save_film(plain.render(), out / f"{name}.gif")
-        print(f"{name}: {info['steps']} steps, {info['base_translation']:.2f} m")
+        env = gymnasium.make(identity, render_mode="rgb_array_list", **SIZE).unwrapped
+        assert isinstance(env, MlivrEnv)
+        result = evaluate(env, planner_policy("steps"), 1, seed)
+        save_film(env.render(), out / f"{name}.gif")
+        print(f"{name}: {result.steps[0]} steps, {result.base_translation[0]:.2f} m")
         env.close()
 
 

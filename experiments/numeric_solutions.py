@@ -25,11 +25,10 @@ from ssik import Manipulator
 from ssik_arms import apart, mjcf_of, read_arm, solutions_of_ssik
 
 from mlivr_gym import RobotSpec, stance_graph
-from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.settings import PATH_FLOOR
+from mlivr_gym.viewer.curves import limb_manipulabilities
 
 ARMS = {
     "UFactory xArm 6": "xarm6",
@@ -46,14 +45,6 @@ QUERIES = 4
 """Number of plans."""
 
 
-def w_m(robot: RobotSpec, q: Array) -> float:
-    """Return the manipulability of the first limb at joint angles [rad]."""
-    frames = link_frames(robot.limb, q)
-    axes, away = frames[1:, :3, 2], frames[6, :3, 3] - frames[1:, :3, 3]
-    jacobian = np.vstack([np.cross(axes, away).T, axes.T])
-    return limb_manipulability(jacobian, robot.characteristic_length)
-
-
 def solved(task: int, arm: str, poses: int) -> dict[str, Any]:
     """Return how many of ssik's solutions are found, and the time of one pose [s]."""
     theirs = Manipulator.from_prebuilt(ARMS[arm])
@@ -66,7 +57,8 @@ def solved(task: int, arm: str, poses: int) -> dict[str, Any]:
     for q, rows in zip(angles, mine, strict=True):
         other = solutions_of_ssik(theirs, None, theirs.fk(file.to_file_angles(q[None])[0]))
         known = file.from_file_angles(other[:, None])[:, 0]
-        useful = known[[w_m(robot, one) >= PATH_FLOOR for one in known]]
+        w_m = limb_manipulabilities(robot, np.stack([known, known], axis=1))[:, 0]
+        useful = known[w_m >= PATH_FLOOR]
         out["ssik"] += len(known)
         out["regular"] += len(useful)
         out["found"] += int((apart(useful, rows) < 1e-6).sum())

@@ -13,7 +13,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from PIL import Image, ImageDraw
-from places import INFLATION, QUERIES
+from places import INFLATION
 from reports import ROOT, command_line
 
 from mlivr_gym import Settings
@@ -31,11 +31,14 @@ from mlivr_gym.world.grasp_map import GraspMap, as_map
 SIZE = 760, 400
 """Width and height of a picture without its caption [px]."""
 
-PLANS: dict[str, tuple[tuple[str, str], tuple[float, float, float]]] = QUERIES | {
+PLANS = {
     "jem": (("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)),
     "uslab": (("stow:0", "stow:1"), (2.17, -0.43, -0.35)),
+    "columbus": (("D1a:2", "F1a:0"), (1.8, 0.2, 0.3)),
+    "hatch": (("node/D1a:2", "node/F1a:0"), (1.6, 7.5, 0.2)),
+    "station": (("columbus1/D1a:2", "columbus1/F1a:0"), (32.5, -5.0, 0.2)),
 }
-"""Start and goal in each place; `places.py` draws those of modules in more detail."""
+"""Start and goal in each place."""
 
 ALONG = ("forward:1", "forward:3"), ("forward:8", "forward:10")
 """Stances at the start and at the goal on the truss."""

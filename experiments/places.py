@@ -1,10 +1,10 @@
-"""Measure the places that ship, and draw a plan in those that are made of modules.
+"""Measure the places that ship.
 
     python experiments/places.py [--tasks 50] [--workers 2] [--out results]
 
 For each place: the number of stances, a lower bound of its diameter, and the mean number of steps
-of optimal plans for the fixed tasks of its environment. Writes `places.json` and the pictures
-`docs/pictures/columbus.png`, `hatch.png` and `station.png`; takes some minutes.
+of optimal plans for the fixed tasks of its environment. Writes `places.json` in some minutes;
+`place_pictures.py` draws a plan in each place.
 """
 
 from __future__ import annotations
@@ -14,13 +14,9 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, ROOT, experiment, study_rows, table, two_limb_graph
+from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
-from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.lower_bounds import MAX_STEPS
@@ -39,19 +35,6 @@ and that factor."""
 
 SWEEPS = 8
 """Searches for the diameter, each from a stance farthest from the one before."""
-
-QUERIES = {
-    "columbus": (("D1a:2", "F1a:0"), (1.8, 0.2, 0.3)),
-    "hatch": (("node/D1a:2", "node/F1a:0"), (1.6, 7.5, 0.2)),
-    "station": (("columbus1/D1a:2", "columbus1/F1a:0"), (32.5, -5.0, 0.2)),
-}
-"""Start and goal of the plans that are drawn."""
-
-CAMERAS = {"columbus": None, "hatch": (0.5, 4.0, 15.5), "station": (15.7, -1.5, 29.0)}
-"""Place that the camera looks down to, x and y, and its distance [m]; None: into the cabin."""
-
-SIZE = 1280, 640
-"""Size of the pictures [px]."""
 
 
 def diameter(graph: TwoLimbGraph) -> int:
@@ -109,29 +92,9 @@ def measured(place: str, tasks: int, workers: int) -> dict[str, Any]:
     }
 
 
-def draw(name: str) -> dict[str, Any]:
-    """Draw a plan of a place; return its figures."""
-    graph = two_limb_graph(as_map(name))
-    start, goal = QUERIES[name]
-    plan = Planner(graph).plan(start, goal, "steps", inflation=INFLATION).unwrap()
-    renderer, where = SceneRenderer(graph.grasp_map, graph.robot, *SIZE), CAMERAS[name]
-    view: dict[str, Any] = {}
-    if where is not None:
-        x, y, far = where
-        view = {"camera": Camera((x, y, 0.0), far, 90.0, -89.9), "hide": ("overhead",)}
-    ghosts = [plan.configuration(k) for k in range(1, len(plan.stances))]
-    picture = renderer.render(
-        *plan.configuration(0), route=Route.of(graph.grasp_map, plan), ghosts=ghosts, **view
-    )
-    renderer.close()
-    save_image(picture, ROOT / "docs" / "pictures" / f"{name}.png")
-    return {"steps": len(plan.steps), "base_translation_m": plan.base_translation}
-
-
 def all_measured(tasks: int, workers: int) -> dict[str, Any]:
-    """Return the figures of all places and of the plans that are drawn."""
-    places = {name: measured(name, tasks, workers) for name in ENVIRONMENTS}
-    return {"places": places, "plans": {name: draw(name) for name in QUERIES}}
+    """Return the figures of all places."""
+    return {"places": {name: measured(name, tasks, workers) for name in ENVIRONMENTS}}
 
 
 def markdown(data: dict[str, Any]) -> str:

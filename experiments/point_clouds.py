@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from reports import command_line, keep, table
+from reports import experiment, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
@@ -70,21 +70,16 @@ def times(graph: TwoLimbGraph, here: Configuration, points: Array) -> tuple[list
     return found, len(boxes)
 
 
-def main() -> None:
-    """Measure and write the results."""
-    parser = command_line(__doc__)
-    parser.add_argument("--points", type=int, default=10_000, help="points (%(default)s)")
-    parser.add_argument("--repeats", type=int, default=20, help="repeats (%(default)s)")
-    args = parser.parse_args()
+def measured(points: int, repeats: int) -> dict[str, Any]:
+    """Return the number of boxes of each cloud, and the median time of each stage [ms]."""
     graph = stance_graph()
     assert isinstance(graph, TwoLimbGraph)
     here, rows = graph.configuration(graph.state(STANCE)), {}
-    for name, points in clouds(args.points, np.random.default_rng(0)).items():
-        measured = [times(graph, here, points) for _ in range(args.repeats + 1)][1:]
-        median = np.median([stages for stages, _ in measured], axis=0)
-        rows[name] = {"boxes": measured[0][1], "milliseconds": median.tolist()}
-    keep(args.out, "point_clouds", {"points": args.points, "clouds": rows})
-    print(markdown({"clouds": rows}))
+    for name, cloud in clouds(points, np.random.default_rng(0)).items():
+        found = [times(graph, here, cloud) for _ in range(repeats + 1)][1:]
+        median = np.median([stages for stages, _ in found], axis=0)
+        rows[name] = {"boxes": found[0][1], "milliseconds": median.tolist()}
+    return {"points": points, "clouds": rows}
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -96,4 +91,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    experiment("point_clouds", __doc__, measured, points=10_000, repeats=20)

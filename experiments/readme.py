@@ -11,6 +11,7 @@ a page states another value.
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 from collections.abc import Callable
@@ -263,6 +264,8 @@ def stale() -> list[str]:
 
 def main() -> None:
     """Write all pages."""
+    raw = argparse.RawDescriptionHelpFormatter
+    argparse.ArgumentParser(description=__doc__, formatter_class=raw).parse_args()
     for path, text in texts().items():
         write_whole(path, text)
 

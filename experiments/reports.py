@@ -79,6 +79,11 @@ def write_assets(files: dict[str, Callable[[], dict[str, Any]]]) -> None:
         write_whole(ROOT / "envs_assets" / f"{name}.json", text)
 
 
+finished_studies: list[Path] | None = None
+"""Folders of the studies that an experiment has finished, for it may yet be interrupted; None
+outside of one."""
+
+
 def experiment(
     name: str,
     description: str | None,
@@ -106,9 +111,14 @@ def experiment(
     parser.add_argument("--report", action="store_true", help="only write page and figure")
     given = vars(parser.parse_args())
     out, report = given.pop("out"), given.pop("report")
+    global finished_studies
+    finished_studies = []
     data = read(out, name) if report else measure(**given)
     if not report:
         keep(out, name, data, indent)
+    for folder in finished_studies:
+        shutil.rmtree(folder, ignore_errors=True)
+    finished_studies = None
     if markdown is not None:
         write_whole(out / f"{name}.md", markdown(data))
         print(markdown(data))
@@ -140,7 +150,7 @@ def study_rows(
 
     `kind` names a function as `"script:function"`; it is called with the number of a task and a
     level of each factor. `workers` is the number of processes, or an executor. The folder
-    `runs/studies` holds the rows of studies that are not finished.
+    `runs/studies` holds the rows of studies until the experiment to which they belong is finished.
     """
     name = kind.partition(":")[2]
     design = StudyDesign.from_data(
@@ -157,8 +167,11 @@ def study_rows(
         given: Any = {"engine" if isinstance(workers, Executor) else "workers": workers}
         run_study(design, folder, progress=progress, **given)
     rows = read_study(folder)
-    shutil.rmtree(folder)
     faults = [row["error"] for row in rows if row["error"]]
+    if faults or finished_studies is None:
+        shutil.rmtree(folder)
+    else:
+        finished_studies.append(folder)
     if faults:
         raise SystemExit(f"{len(faults)} of {len(rows)} runs failed: {faults[0]}")
     return rows

@@ -66,3 +66,26 @@ def test_rows_of_a_study_are_those_of_the_function_and_leave_nothing(product, tm
 def test_a_study_with_a_failed_run_gives_no_rows(product):
     with pytest.raises(SystemExit, match="3 of 6 runs failed: a factor below 0"):
         reports.study_rows(product, 3, 1, factor=[2, -1])
+
+
+def test_an_interrupted_experiment_keeps_the_studies_that_it_has_finished(
+    product, tmp_path, monkeypatch
+):
+    factors = [[2], [-1]]
+
+    def measure():
+        return [reports.study_rows(product, 3, 1, factor=levels) for levels in factors]
+
+    monkeypatch.setattr("sys.argv", ["script", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit, match="3 of 3 runs failed"):
+        reports.experiment("two", "Two studies.", measure)
+    (kept,) = (tmp_path / "runs" / "studies").glob("*/design.json")
+    factors.pop()
+    (tmp_path / "products.py").write_text("product = None")
+    reports.experiment("two", "Two studies.", measure)
+    assert [row["product"] for row in json.loads((tmp_path / "two.json").read_text())[0]] == [
+        0,
+        2,
+        4,
+    ]
+    assert not kept.exists()
