@@ -24,6 +24,7 @@ from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends, contacts
 from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners.walks import plan_of
@@ -89,7 +90,7 @@ def study_stances(
     for s in tqdm(chosen, desc="free stances", mininterval=2.0):
         a, b = graph.points[s].tolist()
         # A random branch among those on which each limb may hold.
-        branches = [rng.choice([k for k in range(16) if m >> k & 1]) for m in graph.branch_sets[s]]
+        branches = [rng.choice(bits_of(m)) for m in graph.branch_sets[s]]
         here = graph.configuration(State((a, b), tuple(1 << int(branch) for branch in branches)))
         places.append((here, [(0, a), (1, b)]))
         touching += scene.penetrates(*places[-1])

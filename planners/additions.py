@@ -17,7 +17,7 @@ from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.planners.why_not import smallest_subset
 from mlivr_gym.robot.specification import ROBOTS, robot_spec
 from mlivr_gym.schema import FieldPath, OrNone
-from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.build import in_same_world
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
@@ -191,12 +191,10 @@ class _Trial:
     def __init__(self, graph: TwoLimbGraph, places: GraspMap, held: tuple[int, ...]) -> None:
         here = graph.grasp_map
         joined = with_candidates(here, places)
-        made = stance_graph(joined, graph.robot, graph.settings)
+        made = in_same_world(graph, grasp_map=joined)
         assert isinstance(made, TwoLimbGraph)
         self.graph, self.held, self.occupied = made, held, graph.occupied
         self.new = range(len(here), len(joined))
-        made.add_obstacles(graph.obstacles)
-        made.occupy(sorted(graph.occupied))
         self.able = (made.branch_sets > 0).all(axis=1)
 
     def has_plan(self, added: list[str]) -> bool:
@@ -240,9 +238,8 @@ def one_more_limb(
     if graph.robot != robot_spec(f"mlivr{graph.limbs}") or name not in ROBOTS:
         return None
     held = start.stance if isinstance(start, State) else graph.indices(start)
-    other = stance_graph(graph.grasp_map, name, replace(graph.settings, base_threshold=None))
-    other.add_obstacles(graph.obstacles)
-    other.occupy(sorted(graph.occupied))
+    settings = replace(graph.settings, base_threshold=None)
+    other = in_same_world(graph, robot=robot_spec(name), settings=settings)
     positions = graph.grasp_map.positions
     away = np.linalg.norm(positions - positions[list(held)].mean(axis=0), axis=1)
     for point in np.argsort(away, kind="stable")[:MOST_STARTS].tolist():

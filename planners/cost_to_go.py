@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.step_tables import step_tables
@@ -55,7 +56,7 @@ class CostToGo:
             return 0.0
         return float(
             min(
-                self._table[s, i][_bits(state.branch_sets[i])].min()
+                self._table[s, i][bits_of(state.branch_sets[i])].min()
                 if can_release(state.branch_sets[1 - i], int(self._releasable[s, 1 - i]))
                 else np.inf
                 for i in range(2)
@@ -83,8 +84,3 @@ class CostToGo:
         """Return the index of the best step that leaves a state, the first of equal ones."""
         values = self.action_values(state, successors)
         return int(np.flatnonzero(values <= values.min() + 1e-12)[0])
-
-
-def _bits(branch_set: int) -> list[int]:
-    """Return the branches and flips of a branch set by number."""
-    return [b for b in range(16) if branch_set >> b & 1]

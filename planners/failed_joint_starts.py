@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice, product
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners.failed_joints import (
     FailedJoint,
     Start,
-    graph_of_robot,
     robot_with_failed_joints,
     spare_and_folded,
     start_with_failed_joints,
@@ -25,6 +25,7 @@ from mlivr_gym.planners.planning_result import (
 )
 from mlivr_gym.postures.given_pose import JOINT_TOLERANCE, given_joints
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.stances.build import in_same_world
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -69,7 +70,7 @@ def starts_with_failed_joints(
     if spare:
         robot = robot_with_failed_joints(graph.robot, spare)
         start = start_with_failed_joints(graph, robot, spare, start)
-        graph = graph_of_robot(graph, robot)
+        graph = in_same_world(graph, robot=robot)
     points, pose, joints = start
     if folded is None or (isinstance(points, State) and not (pose is None and joints is None)):
         yield graph, start  # the latter is refused as without failed joints
@@ -100,7 +101,7 @@ def _starts_with_folded_limb(
             fault = fault or error
             continue
         if folded.robot not in graphs:
-            graphs[folded.robot] = graph_of_robot(graph, folded.robot)
+            graphs[folded.robot] = in_same_world(graph, robot=folded.robot)
         pose = (*folded.positions[-1].tolist(), *quaternion.tolist())
         yield graphs[folded.robot], (ids, pose, folded.joints[-1, others])
     if fault is not None and not graphs:
@@ -112,7 +113,7 @@ def _on_each_branch(graph: StanceGraph, state: State, failed: FailedJoint) -> It
     limb, joint, angle = failed
     free = [_branches(one) for one in state.branch_sets]
     there = {}
-    for bit in [bit for bit in range(16) if state.branch_sets[limb] >> bit & 1]:
+    for bit in bits_of(state.branch_sets[limb]):
         sets = (*state.branch_sets[:limb], 1 << bit, *state.branch_sets[limb + 1 :])
         at_bit = graph.configuration(state._replace(branch_sets=sets))[2]
         there[bit] = float(at_bit[limb, joint - 1])
@@ -129,5 +130,4 @@ def _on_each_branch(graph: StanceGraph, state: State, failed: FailedJoint) -> It
 
 def _branches(branch_set: int) -> list[int]:
     """Return the branches of a branch set, each with the first of its flips."""
-    bits = [bit for bit in range(16) if branch_set >> bit & 1]
-    return list({bit & 7: bit for bit in reversed(bits)}.values())[::-1]
+    return list({bit & 7: bit for bit in reversed(bits_of(branch_set))}.values())[::-1]

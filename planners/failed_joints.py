@@ -14,7 +14,6 @@ from mlivr_gym.planners.folded_limb import robot_with_folded_limb
 from mlivr_gym.postures.given_pose import JOINT_TOLERANCE, given_joints
 from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
 from mlivr_gym.schema import FieldPath, Integer, ListOf, Tuples
-from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -83,17 +82,6 @@ def spare_and_folded(
             Tuples((), low, high, "rad").read(angle, place.entry(k).entry(2))
             folded = limb, joint, angle
     return spare, folded
-
-
-def graph_of_robot(graph: StanceGraph, robot: RobotSpec) -> StanceGraph:
-    """Return the graph of another robot in the same world, with its obstacles.
-
-    Raises a `RobotError` if that robot can hold no stance.
-    """
-    made = stance_graph(graph.grasp_map, robot, graph.settings)
-    made.add_obstacles(graph.obstacles)
-    made.occupy(sorted(graph.occupied))
-    return made
 
 
 def start_with_failed_joints(

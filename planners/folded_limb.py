@@ -16,6 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.carrying import carrying_robot, folds
 from mlivr_gym.collisions.contacts import Configuration, contacts
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
@@ -82,7 +83,7 @@ def folded_limb(
     start = angles[-1, limb]
     here = pose(positions[-1], graph.posture_of(state).base_rotation[0])
     supports = [
-        SupportLimb(i, point, _branch_of(state, i) & 7)
+        SupportLimb(i, point, bits_of(state.branch_sets[i])[0] & 7)
         for i, point in enumerate(state.stance)
         if i != limb
     ]
@@ -136,7 +137,7 @@ def _lift(
         followed = out[-1].copy()
         for i, point in enumerate(state.stance):
             if i != limb:
-                branch = _branch_of(state, i)
+                branch = bits_of(state.branch_sets[i])[0]
                 found = _angles(graph, (i, point, branch), (place, rotation), out[-1][i])
                 if found is None:
                     raise StanceError(
@@ -148,11 +149,6 @@ def _lift(
         for place, angles in zip(places[1:], out[1:], strict=True):
             _check(graph, state, (place, quaternion, angles), fault)
     return places, np.array(out)
-
-
-def _branch_of(state: State, limb: int) -> int:
-    """Return the first branch and flip on which a limb may be, `branch + 8 * flip`."""
-    return (state.branch_sets[limb] & -state.branch_sets[limb]).bit_length() - 1
 
 
 def _angles(

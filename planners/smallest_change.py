@@ -23,9 +23,9 @@ from mlivr_gym.planners.additions import (
 )
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, MAX_EXPANSIONS, QUERY, Goal
-from mlivr_gym.planners.why_not import in_world_of, is_plan_found, lower_threshold, removals
+from mlivr_gym.planners.why_not import is_plan_found, lower_threshold, removals
 from mlivr_gym.schema import OrNone
-from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.build import in_same_world, stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -116,7 +116,7 @@ Changed = Iterator[tuple[Change, StanceGraph]]
 def _fewer_obstacles(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
     """Yield the fewest obstacles and occupied points without which a plan exists."""
     if graph.obstacles or graph.occupied:
-        free = in_world_of(graph, graph.settings, without_obstacles=True)
+        free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
         if is_plan_found(free, start, goal, MAX_EXPANSIONS):
             ids, is_smallest, world = removals(graph, start, goal, MAX_EXPANSIONS)
             yield Change(OBSTACLES, ids, is_smallest), world
@@ -127,7 +127,8 @@ def _lower_threshold(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
     if graph.settings.manipulability:
         value = lower_threshold(graph, start, goal, MAX_EXPANSIONS)
         if value is not None:
-            world = in_world_of(graph, replace(graph.settings, limb_threshold=value))
+            settings = replace(graph.settings, limb_threshold=value)
+            world = in_same_world(graph, settings=settings)
             yield Change(THRESHOLD, (f"{value:g}",), True), world
 
 
@@ -147,7 +148,5 @@ def _more_points(
     if found.points:
         chosen = places.subset(np.isin(places.ids, found.points))
         whole = with_candidates(graph.grasp_map, chosen)
-        world = stance_graph(whole, graph.robot, graph.settings)
-        world.add_obstacles(graph.obstacles)
-        world.occupy(graph.ids(sorted(graph.occupied)))
-        yield Change(POINTS, found.points, found.is_smallest, alternatives=found.alone), world
+        change = Change(POINTS, found.points, found.is_smallest, alternatives=found.alone)
+        yield change, in_same_world(graph, grasp_map=whole)

@@ -21,7 +21,7 @@ from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.build import in_same_world, stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -211,7 +211,7 @@ def lower_threshold(graph: StanceGraph, start: State, goal: Goal, limit: int) ->
     def has_plan(count: int) -> bool:
         """Return whether a plan exists with a threshold of some units."""
         settings = replace(graph.settings, limb_threshold=count * THRESHOLD_RESOLUTION)
-        return is_plan_found(in_world_of(graph, settings), start, goal, limit)
+        return is_plan_found(in_same_world(graph, settings=settings), start, goal, limit)
 
     low, high = 0, int(np.ceil(graph.settings.limb_threshold / THRESHOLD_RESOLUTION))
     if not has_plan(low):
@@ -262,21 +262,13 @@ def _plan_exists(
     """Return whether a plan leads to the goal with some rules left out."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
-    relaxed = in_world_of(graph, settings, without_obstacles=OBSTACLES in rules)
+    if OBSTACLES in rules:
+        relaxed: StanceGraph = stance_graph(graph.grasp_map, graph.robot, settings)
+    else:
+        relaxed = in_same_world(graph, settings=settings)
     if JOINTS in rules:
         relaxed.checks.ignore_joint_limits()
     return is_plan_found(relaxed, start, goal, limit)
-
-
-def in_world_of(
-    graph: StanceGraph, settings: Settings, without_obstacles: bool = False
-) -> StanceGraph:
-    """Return a graph with other settings among the obstacles of a graph, or without them."""
-    other = stance_graph(graph.grasp_map, graph.robot, settings)
-    if not without_obstacles:
-        other.add_obstacles(graph.obstacles)
-        other.occupy(sorted(graph.occupied))
-    return other
 
 
 def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool:

@@ -39,6 +39,11 @@ CLASSES = 4
 """Number of combinations of shoulder and wrist choices."""
 
 
+def bits_of(branch_set: int) -> list[int]:
+    """Return the members of a branch set, each as `branch + 8 * flip`."""
+    return [bit for bit in range(2 * BRANCHES) if int(branch_set) >> bit & 1]
+
+
 @kernel
 def has(items: int, k: int) -> bool:
     """Return whether a set contains item `k`."""

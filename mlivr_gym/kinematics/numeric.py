@@ -15,8 +15,8 @@ angle at which axes 4 and 6 are nearest to one direction. A general arm may have
 the same signs, and may pass from one to another without a singularity (Wenger 1992): of these a
 branch is the one that is found first, always the same for the same pose. A limb can hold on a path
 only if the solution it follows is that of its branch at both ends, see `numeric_path`, and a swept
-motion is clear only if each part of it ends where the next begins, see `collisions.sweep`. So what
-is planned can be carried out; paths on which the name changes are not found.
+motion is clear only if each part of it ends where the next begins, see `collisions.sweep`. Paths on
+which the name changes are not found.
 
 Both branches of a class count with the smaller `|det J|` of the two.
 """

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
 from mlivr_gym.kinematics.poses import quaternion
@@ -212,7 +213,7 @@ class _MotionDraft:
                 here = self.postures.take(slice(last, last + 1))
                 branch_set &= graph.releasable_branches(self.states[last].stance, here, limb)
             minimum = self._w[first : last + 1, limb].min(axis=0)
-            bits = [bit for bit in range(16) if branch_set >> bit & 1]
+            bits = bits_of(branch_set)
             if not bits:
                 point = graph.grasp_map.ids[self.points[last, limb]]
                 raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")

@@ -15,6 +15,7 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.compiled.warming import warming
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
@@ -197,7 +198,7 @@ def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntA
             held |= (chosen.branch_sets >> bits & 1).all(axis=1)
     for k in np.flatnonzero(~held).tolist():
         i = int(np.argmin(chosen.branch_sets[k] >> bits[k] & 1))
-        can = sorted({bit % 8 for bit in range(16) if int(chosen.branch_sets[k, i]) >> bit & 1})
+        can = sorted({bit % 8 for bit in bits_of(chosen.branch_sets[k, i])})
         raise _mismatch(f"motion.branches[{k}][{i}]", int(motion.branches[k, i]), f"one of {can}")
     for k in (np.flatnonzero(~node[1:]) + 1).tolist():  # the user may have chosen the first
         raise PlanError(
@@ -216,7 +217,7 @@ def _check_steps(
         step = motion.steps[k]
         for i, bit in enumerate(bits[k].tolist()):
             if i != step.limb and not edge.kept.get(i, 0) >> bit & 1:
-                kept = sorted({b % 8 for b in range(16) if edge.kept.get(i, 0) >> b & 1})
+                kept = sorted({b % 8 for b in bits_of(edge.kept.get(i, 0))})
                 raise PlanError(
                     f"motion.steps[{k}] moves limb {step.limb} to {step.to_point!r}; limb {i} is "
                     f"on branch {bit % 8} and could follow the base on {kept or 'none'}"

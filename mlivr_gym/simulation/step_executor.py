@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.commitment import commit
 from mlivr_gym.motion.plan import Plan
@@ -239,7 +240,7 @@ class StepExecutor:
         graph = self.graph
         regrasp, edge = self._regrasp(state, joints, reached.stance)
         for option in self._options(reached, regrasp.limb):
-            branches = (*regrasp.branches[:-1], _branch(option.branch_sets[regrasp.limb]))
+            branches = (*regrasp.branches[:-1], bits_of(option.branch_sets[regrasp.limb])[0] & 7)
             grasp_joints = graph.configuration(option)[2][regrasp.limb]
             chosen = replace(regrasp, branches=branches, grasp_joints=grasp_joints)
             committed = commit(graph, chosen, edge)
@@ -252,10 +253,8 @@ class StepExecutor:
         graph = self.graph
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
-        limb, branches = (
-            moving_limb(state.stance, after),
-            [_branch(branch_set) for branch_set in state.branch_sets],
-        )
+        limb = moving_limb(state.stance, after)
+        branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
         regrasp = Regrasp(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
             edge.path_kind, graph.pivot(state.stance, after), (*branches, branches[limb]),
@@ -288,11 +287,6 @@ class StepExecutor:
             for branch_set, flip in zip(plain.branch_sets, turned, strict=True)
         )
         return state._replace(branch_sets=branch_sets)
-
-
-def _branch(branch_set: int) -> int:
-    """Return the branch of a branch set with one bit."""
-    return (branch_set.bit_length() - 1) & 7
 
 
 def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.stance_graph import TOUCHED
+from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_graph import REMOVED, TwoLimbGraph
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
@@ -54,6 +54,26 @@ def stance_graph(
             f"{_why_empty(graph)}"
         )
     return graph
+
+
+def in_same_world(
+    graph: StanceGraph,
+    *,
+    grasp_map: GraspMap | None = None,
+    robot: RobotSpec | None = None,
+    settings: Settings | None = None,
+) -> TwoLimbGraph | ImplicitGraph:
+    """Return the graph of another map, robot or settings in the world of a graph.
+
+    It has the obstacles and the occupied points of the graph; another map has the graph's points
+    first. Raises as `stance_graph` does.
+    """
+    made = stance_graph(
+        grasp_map or graph.grasp_map, robot or graph.robot, settings or graph.settings
+    )
+    made.add_obstacles(graph.obstacles)
+    made.occupy(sorted(graph.occupied))
+    return made
 
 
 def _why_empty(graph: TwoLimbGraph) -> str:

@@ -6,7 +6,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mlivr_gym.compiled import bit_sets
-from mlivr_gym.compiled.bit_sets import ALL, BRANCHES, CLASSES, EMPTY, EVERY, LAST, NONE
+from mlivr_gym.compiled.bit_sets import (
+    ALL,
+    BRANCHES,
+    CLASSES,
+    EMPTY,
+    EVERY,
+    LAST,
+    NONE,
+    bits_of,
+)
 
 ITEMS = st.integers(0, LAST + 20)
 MASKS = st.integers(0, 0xFFFF)
@@ -45,6 +54,9 @@ def test_items_are_told_apart_as_far_as_there_are_bits(k, other):
 @settings(deadline=None)
 def test_sets_of_branches_and_flips(branch_set, branch, flip):
     found = members(branch_set)
+    assert [(bit % 8, bit // 8) for bit in bits_of(branch_set)] == sorted(
+        found, key=lambda b: b[::-1]
+    )
     both = {(branch, 0), (branch, 1)}
     assert members(ours("both_flips", branch)) == both
     assert ours("has_branch", branch_set, branch) == bool(found & both)
