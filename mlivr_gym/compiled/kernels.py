@@ -131,7 +131,7 @@ def in_parallel(
     kernel(0, 0, *args, scratch[:1])
     edges = [count * w // used for w in range(used + 1)]
     jobs = [
-        _threads().submit(kernel, edges[w], edges[w + 1], *args, scratch[w : w + 1])
+        threads().submit(kernel, edges[w], edges[w + 1], *args, scratch[w : w + 1])
         for w in range(1, used)
     ]
     kernel(0, edges[1], *args, scratch[:1])
@@ -140,11 +140,14 @@ def in_parallel(
 
 
 @cache
-def _threads() -> ThreadPoolExecutor:
-    """Return the threads, which are reused: starting one takes as long as a hundred step checks."""
+def threads() -> ThreadPoolExecutor:
+    """Return the threads, which are reused: starting one takes as long as a hundred step checks.
+
+    What runs in one must not wait for another.
+    """
     return ThreadPoolExecutor(MOST_THREADS)
 
 
 if hasattr(os, "register_at_fork"):
     # A forked process does not inherit threads.
-    os.register_at_fork(after_in_child=_threads.cache_clear)
+    os.register_at_fork(after_in_child=threads.cache_clear)

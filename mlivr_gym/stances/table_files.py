@@ -16,7 +16,8 @@ import struct
 import zipfile
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled.cache import cache_folder, source_digest
 from mlivr_gym.compiled.cached_files import mark_used
+from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import FileError, write_whole
@@ -200,24 +202,27 @@ class TableFiles(Generic[Table]):
     def arrays(self, graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
         """Return the arrays of a graph in an archive, which cannot be written to.
 
-        If they are mapped, the archive has to be without compression. Only the pages that are used
-        are then read, so that CRC-32s are not compared; they can be changed in memory. Raises a
-        `TableError` if they are of another graph, and one of `DAMAGE` if the file is damaged.
+        They are decompressed while others are used already. If they are mapped, the archive has to
+        be without compression. Only the pages that are used are then read, so that CRC-32s are not
+        compared; they can be changed in memory. Raises a `TableError` if they are of another graph,
+        and one of `DAMAGE` if the file is damaged, which an array may also do when it is used.
         """
-        arrays = {}
-        with path.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+        with path.open("rb") as stream:
+            whole = np.memmap(stream, np.uint8, mode="c") if mapped else None
+            archive = zipfile.ZipFile(stream if mapped else io.BytesIO(stream.read()))
             check_head(path, json.loads(archive.read(HEAD)), self.head(graph))
-            whole = np.memmap(stream, np.uint8, mode="c")
-            for info in archive.infolist()[1:]:
-                if mapped:
-                    stream.seek(info.header_offset)
-                    lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
-                    start = stream.seek(sum(lengths), io.SEEK_CUR)
-                    array = _array(whole[start : start + info.file_size])
-                else:
-                    # Whole, since `read_array` copies it in small pieces.
-                    array = _array(np.frombuffer(archive.read(info), np.uint8))
-                arrays[info.filename.removesuffix(".npy")] = array
+            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()[1:]}
+            if whole is None:
+                submit = threads().submit
+                return _InThreads(
+                    {name: submit(_read, archive, info) for name, info in members.items()}
+                )
+            arrays = {}
+            for name, info in members.items():
+                stream.seek(info.header_offset)
+                lengths = LOCAL_HEADER.unpack(stream.read(LOCAL_HEADER.size))
+                start = stream.seek(sum(lengths), io.SEEK_CUR)
+                arrays[name] = _array(whole[start : start + info.file_size])
         return arrays
 
     def head(self, graph: StanceGraph) -> dict[str, Any]:
@@ -249,6 +254,28 @@ def check_head(path: Path, head: dict[str, Any], expected: dict[str, Any]) -> No
     if not others:
         raise ValueError
     raise TableError(f"table file {str(path)!r} is for {' and '.join(others)}")
+
+
+class _InThreads(Mapping[str, NDArray[Any]]):
+    """Arrays that threads work out; one that is asked for is waited for."""
+
+    def __init__(self, arrays: dict[str, Future[NDArray[Any]]]) -> None:
+        self._arrays = arrays
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        return self._arrays[name].result()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        return len(self._arrays)
+
+
+def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> NDArray[Any]:
+    """Return the array in a compressed member of an archive."""
+    # Whole, since `read_array` copies it in small pieces.
+    return _array(np.frombuffer(archive.read(info), np.uint8))
 
 
 def _array(data: NDArray[np.uint8]) -> NDArray[Any]:

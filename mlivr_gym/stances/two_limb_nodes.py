@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.compiled.limb_branch_sets import NO_BRANCHES, branch_set_of, packed, set_bit
+from mlivr_gym.compiled.limb_branch_sets import packed, set_bit
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, branches_kept
 from mlivr_gym.transitions.rule import kept_on_edge
@@ -43,34 +43,37 @@ def two_limb_nodes(pairs: TwoLimbTable, pose_number: IntArray) -> NodeTable:
         ranks=np.zeros(0, dtype=np.int32),
         lost=np.empty(edges, dtype=np.uint64),
     )
-    count = write_edges(table, pairs)
+    node, limb = np.divmod(table.members, 2)
+    count = write_edges(
+        table, pairs, pairs.branch_sets[node, 1 - limb], releasable[node, limb] != 0
+    )
     counts = np.bitwise_count(loses_branches)
     ranks = np.cumsum(counts, dtype=np.int32) - counts
     return table._replace(ranks=ranks, lost=table.lost[:count])
 
 
 @entry
-def write_edges(table: NodeTable, pairs: TwoLimbTable) -> int:
+def write_edges(
+    table: NodeTable, pairs: TwoLimbTable, held: IntArray, can_release: BoolArray
+) -> int:
     """Set the bits of the edges, and of those that lose branches, which are written into `lost`.
 
-    Returns the number of edges that lose branches.
+    Of each member of the support sets are given the branches on which its support limb may hold,
+    and whether its other limb can be released. Returns the number of edges that lose branches.
     """
     count = 0
     for support_set in range(len(table.start) - 1):
         first, last = int(table.start[support_set]), int(table.start[support_set + 1])
         for i in range(first, last):
-            before, limb = divmod(int(table.members[i]), 2)
-            support, held = 1 - limb, pairs.branch_sets[before, 1 - limb]
-            if branch_set_of(table.releasable[before], limb) == NO_BRANCHES:
+            if not can_release[i]:
                 continue
             row = table.offset[support_set] + (i - first) * (last - first) - first
             for j in range(first, last):
-                after, edge = int(table.members[j]) // 2, row + j
-                kept = shared = kept_on_edge(held, pairs.branch_sets[after, support])
+                edge = row + j
+                kept = shared = kept_on_edge(held[i], held[j])
                 if pairs.check and pairs.edges[edge].known:
                     kept = kept_on_edge(shared, branches_kept(pairs.edges[edge]))
-                grasps = kept and branch_set_of(table.releasable[after], limb) != NO_BRANCHES
-                if grasps and i != j:
+                if kept and can_release[j] and i != j:
                     set_bit(table.joined, edge)
                     if kept != shared:
                         set_bit(table.loses_branches, edge)

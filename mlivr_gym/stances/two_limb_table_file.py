@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
+from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -85,6 +86,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
         (index, (n,), 0, len(manipulability)),
         (manipulability, (len(manipulability), 3), 0.0, np.inf),
     )  # fmt: skip
+    bases = threads().submit(bases_at, graph.grasp_map, graph.robot, points, pose_number)
     edges, releases = None, arrays.get("released")
     if releases is not None:
         edges, edge_index = arrays["edges"], arrays["edge_index"]
@@ -103,7 +105,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
             raise ValueError
         edges = _each(edges, edge_index)
     both: Array = manipulability[index]
-    position, rotation = bases_at(graph.grasp_map, graph.robot, points, pose_number)
+    position, rotation = bases.result()
     cause = np.zeros(n, dtype=np.int64)
     postures = Postures(
         position,
