@@ -19,9 +19,11 @@ from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.fewest_moves import fewest_moves
+from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.planners.query import Goal
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
@@ -45,6 +47,10 @@ MANY = 1000
 
 A row of ten labs then takes a third of the processor time, with as many steps.
 """
+
+
+LEGS_FROM = 12.0
+"""Length of the route from which on more than two limbs are planned for in legs along it [m]."""
 
 
 class CorridorPlan(NamedTuple):
@@ -116,8 +122,11 @@ def plan_in_corridor(
     target = world.check_goal(goal)
     route = route_of(world.positions, held[0], target, robot.span)
     far = nearest_distances(world.positions, route)
+    length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
     needed = np.linalg.norm(world.positions - target, axis=1) <= robot.reach + robot.mount_radius
     needed[held] = True
+    if robot.limbs > 2 and length > LEGS_FROM and options.get("inflation") is None:
+        options = {"route": route[-2:0:-1]} | options
     for keep in _corridors(needed, far):
         part = around(world, keep, robot)
         try:
@@ -148,15 +157,17 @@ def plan_in_corridor(
 def _bound_on_map(plan: Plan, world: GraspMap) -> float | None:
     """Return the factor of the minimum on a whole map within which a plan is proved, or None.
 
-    The base moves at least as far as the goal is away, and two limbs need the fewest moves.
+    The base moves at least as far as the goal is away, and limbs need the fewest moves.
     """
-    query, robot = plan.query, plan.world.robot
-    cost = Cost.named(query.cost_name, query.regrasp_price)
-    moves, target = 0.0, np.array(query.goal)
+    query, robot, settings = plan.query, plan.world.robot, plan.world.settings
+    cost, target = Cost.named(query.cost_name, query.regrasp_price), np.array(query.goal)
+    start = [world.index(point) for point in plan.stances[0]]
     if robot.limbs == 2:
-        start = [world.index(point) for point in plan.stances[0]]
-        goal = target, query.goal_tolerance
-        moves = fewest_moves(world, robot, plan.world.settings, start, goal)
+        moves = fewest_moves(world, robot, settings, start, (target, query.goal_tolerance))
+    else:
+        goal = Goal(target, query.goal_tolerance, cost)
+        graph = stance_graph(world, robot, settings)
+        moves = float(MoveBounds(graph, goal).steps(np.array([start]))[0])
     away = float(np.linalg.norm(plan.motion.base_positions[0] - target)) - query.goal_tolerance
     least = cost.base_weight * max(0.0, away) + cost.step_weight * moves
     return max(1.0, plan.cost / least) if least else None

@@ -3,15 +3,17 @@
 A step moves one limb. So the fewest moves of limbs i and j to points that they can hold at the
 goal, with no constraint on the other limbs, plus those of limbs k and l, never exceed the steps of
 all: additive pattern databases (Felner, Korf and Hanan, Journal of Artificial Intelligence Research
-22, 2004). Two limbs can hold two points if these are within the span of the robot and farther apart
-than its grippers require; at the goal each point lies within reach of the goal region. Every stance
-satisfies both conditions, so the bound is admissible, and it is consistent because a step changes
-it by at most one.
+22, 2004). Nor does the sum over all pairs of N limbs, in which each move counts N - 1 times, exceed
+N - 1 times the steps; with an odd number of limbs this may be more. Two limbs can hold two points
+if these are within the span of the robot and farther apart than its grippers require; at the goal
+each point lies within reach of the goal region. Every stance satisfies both conditions, so the
+bound is admissible, and it is consistent because a step changes it by at most one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import combinations
 
 import numpy as np
 
@@ -55,6 +57,10 @@ class MoveBounds:
                 table = self.pairs if len(limbs) == 2 else self.alone
                 total += table[tuple(points.T)]
             np.maximum(best, total, out=best)
+        total, limbs = np.zeros(len(stances)), stances.shape[1]
+        for i, j in combinations(range(limbs), 2):
+            total += self.pairs[stances[:, i], stances[:, j]]
+        np.maximum(best, np.ceil(total / (limbs - 1) - 1e-9), out=best)
         return best
 
 

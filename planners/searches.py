@@ -16,6 +16,7 @@ import numpy as np
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import complete_by_deadline
 from mlivr_gym.planners.implicit_search import ImplicitSearch
+from mlivr_gym.planners.legs import search_by_legs
 from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import (
@@ -109,6 +110,8 @@ class GraphSearcher:
         A move changes the point of one limb, whether or not a step can make it.
         """
         graph = self.graph
+        if search.route is not None:
+            return search_by_legs(graph, search, start, self.find)
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
         if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
