@@ -63,8 +63,14 @@ FROM_COLUMBUS = (
 INTO_LAB = (5.0, 0.0, 0.0)
 """Their goal in the lab [m]."""
 
-ACROSS, ACROSS_TIME = "mlivr4, across the station", 60.0
-"""Name of the measurement of four limbs across ten modules, and its time limit [s]."""
+ACROSS = "mlivr3", "mlivr4, one limb folded"
+"""Names of the measurements of three and four limbs across the station."""
+
+FROM_DECK = "columbus1/D1a:5", "columbus1/D1a:1", "columbus1/D1a:2"
+"""Their start, in the module in which that of two limbs is."""
+
+INTO_LAST = (31.4, 0.0, -0.5)
+"""Their goal in the last node [m]."""
 
 TABLE = "table"
 """Name of the measurement of a plan by the complete table that ships."""
@@ -224,21 +230,46 @@ def through_a_node(method: str, began: float) -> dict[str, Any]:
     }
 
 
-def across(began: float) -> dict[str, Any]:
-    """Return how a search of four limbs from a module of the `station` to the last one ends."""
+def across(method: str, began: float) -> dict[str, Any]:
+    """Return the plan of three limbs from a module of the `station` to its last node.
+
+    Four limbs fold the last one, see `carrying_robot`.
+    """
+    import numpy as np
+
+    from mlivr_gym.collisions.carrying import carrying_robot
+    from mlivr_gym.planners.folded_limb import NOTHING
+    from mlivr_gym.planners.query import Goal
+    from mlivr_gym.planners.set_bounds import SetBounds
+    from mlivr_gym.robot.specification import robot_spec
+    from mlivr_gym.simulation.execution import execute
+
+    name, *folded = method.split(", ")
+    robot = robot_spec(name)
+    if folded:
+        robot = carrying_robot(robot, robot.limbs - 1, NOTHING)
     found = plan_in_corridor(
-        "station", FROM_COLUMBUS, query(0, 0)[1], robot="mlivr4",
-        goal_tolerance=LIMBED_TOLERANCE, time_limit=ACROSS_TIME,
-    )  # fmt: skip
-    used, plan = resource.getrusage(resource.RUSAGE_SELF), found.result.plan
-    return {
+        "station", FROM_DECK, INTO_LAST, robot=robot, goal_tolerance=LIMBED_TOLERANCE
+    )
+    used, plan, wall = resource.getrusage(resource.RUSAGE_SELF), found.result.plan, time.time()
+    shown = {
         "points": len(found.graph.grasp_map),
         "end": found.result.reason or "plan found",
-        "steps": None if plan is None else len(plan.steps),
-        "bound": None if plan is None else plan.statistics.bound,
-        "wall_s": time.time() - began,
+        "wall_s": wall - began,
         "processor_s": used.ru_utime + used.ru_stime,
         "memory_gb": used.ru_maxrss / 1e6,
+    }
+    if plan is None:
+        return shown
+    goal = Goal.from_arguments(found.graph, INTO_LAST, "steps", None, LIMBED_TOLERANCE)
+    start = np.array([found.graph.indices(plan.stances[0])])
+    least = SetBounds(found.graph, found.graph.sets(), goal).steps(start)[0]
+    return shown | {
+        "steps": len(plan.steps),
+        "base_m": plan.base_translation,
+        "bound": plan.statistics.bound,
+        "bound_on_points": len(plan.steps) / least,
+        "walked": execute(found.graph, plan).failure is None,
     }
 
 
@@ -275,8 +306,8 @@ def figures(labs: int, method: str, began: float) -> dict[str, Any]:
     """Return the figures that a method gives."""
     if method == BOUNDS:
         return lower_bounds()
-    if method == ACROSS:
-        return across(began)
+    if method in ACROSS:
+        return across(method, began)
     if method in NODES:
         return through_a_node(method, began)
     if method in LIMBED:
