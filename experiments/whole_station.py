@@ -168,13 +168,13 @@ def across_section(rows: list[dict[str, Any]]) -> str:
     return f"""## Three and four limbs across the station
 
 From a module like Columbus at the first node of the `station` through two labs and the node
-between them to the last node, through five hatches, from a cold start. The search goes in legs along a route
-(`planners.legs`), from which it takes its corridor of points. Four limbs keep the last one folded
-above the body, as one that carries a bag does (`carrying_robot`); how it lets go and folds is not
-part of these plans. *Bound* compares a plan with the fewest moves on the whole map, in which the
-limbs only have to be within their span of each other; *bound on these points* with those between
-sets of points that the limbs can hold. A plan in 2 s, as for two limbs, is out of reach here:
-postures and steps of three limbs are computed as they are needed.
+between them to the last node, through five hatches, from a cold start. The search goes in
+legs along a route (`planners.legs`), from which it takes its corridor of points. Four limbs keep
+the last one folded above the body, as one that carries a bag does (`carrying_robot`); how it lets
+go and folds is not part of these plans. *Bound* compares a plan with the fewest moves on the whole
+map, in which the limbs only have to be within their span of each other; *bound on these points*
+with those between sets of points that the limbs can hold. A plan in 2 s, as for two limbs, is out
+of reach here: postures and steps of three limbs are computed as they are needed.
 
 {table(head, shown)}"""
 
