@@ -19,7 +19,8 @@ from mlivr_gym.collisions.contacts import Configuration, contacts
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.swings import SupportLimb, SwingFinder
@@ -127,47 +128,30 @@ def _lift(
 
     The limb does not move; the others follow the body. Raises a `StanceError` if they cannot.
     """
-    position, quaternion, joints = configuration
+    robot, (position, quaternion, joints) = graph.robot, configuration
     name, normal = graph.ids(state.stance)[limb], graph.solver.grasps[state.stance[limb]]["normal"]
     fault = f"limb {limb} cannot let go of {name!r}: "
     rotation = graph.posture_of(state).base_rotation[0]
-    places = position + np.linspace(0.0, graph.robot.lift, LIFT_SAMPLES)[:, None] * normal
-    out = [joints]
-    for place in places[1:]:
-        followed = out[-1].copy()
-        for i, point in enumerate(state.stance):
-            if i != limb:
-                branch = bits_of(state.branch_sets[i])[0]
-                found = _angles(graph, (i, point, branch), (place, rotation), out[-1][i])
-                if found is None:
-                    raise StanceError(
-                        f"{fault}limb {i} does not follow the body {graph.robot.lift:g} m off it"
-                    )
-                followed[i] = found
-        out.append(followed)
+    places = position + np.linspace(0.0, robot.lift, LIFT_SAMPLES)[:, None] * normal
+    bases = poses(places, np.tile(rotation, (LIFT_SAMPLES, 1, 1)))
+    out = np.stack([joints] * LIFT_SAMPLES)
+    for i, point in enumerate(state.stance):
+        if i == limb:
+            continue
+        flange, branch = graph.solver.grasps[point]["flange"], bits_of(state.branch_sets[i])[0] & 7
+        flanges = poses(flange["position"][None], flange["rotation"][None])
+        rows, reference = Angles.rows(LIFT_SAMPLES), Angles.row()
+        reference["q"] = joints[i]
+        followed = joints_along(graph.checks.robots, i, bases, flanges, branch, reference, rows)
+        out[1:, i], (low, high) = rows["q"][1:], robot.every_limb[i].windows.T
+        inside = (out[1:, i] >= low).all() and (out[1:, i] <= high).all()
+        smooth = np.abs(np.diff(out[:, i], axis=0)).max() <= MAX_JUMP
+        if followed < LIFT_SAMPLES or not (inside and smooth):
+            raise StanceError(f"{fault}limb {i} does not follow the body {robot.lift:g} m off it")
     if graph.settings.collisions:
         for place, angles in zip(places[1:], out[1:], strict=True):
             _check(graph, state, (place, quaternion, angles), fault)
-    return places, np.array(out)
-
-
-def _angles(
-    graph: StanceGraph, held: tuple[int, int, int], base: tuple[Array, Array], reference: Array
-) -> Array | None:
-    """Return the angles with which a limb holds a point on a branch, next to given ones (6,).
-
-    `held` are limb, point, and branch and flip; the base is at a position [m] and a rotation.
-    """
-    limb, point, bit = held
-    out = Angles.rows(8)
-    grasp = graph.solver.grasps[point]["flange"]
-    all_angles_at(graph.checks.robots, limb, pose(*base), grasp, out)
-    q = out["q"][bit & 7].copy()
-    q[5] += np.pi * (bit >> 3)
-    q -= 2.0 * np.pi * np.round((q - reference) / (2.0 * np.pi))
-    low, high = graph.robot.every_limb[limb].windows.T
-    inside = np.abs(q - reference).max() <= MAX_JUMP and (q >= low).all() and (q <= high).all()
-    return q if inside else None
+    return places, out
 
 
 def _check(graph: StanceGraph, state: State, here: Configuration, fault: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.errors import PlanError, shortened
 from mlivr_gym.files import checksum
 from mlivr_gym.kinematics.base_path import PATH_KINDS
@@ -37,9 +38,6 @@ from mlivr_gym.values import MAX_LENGTH, MAX_PARTS
 
 FORMAT = 5
 """Version of the file format."""
-
-BRANCHES = 8
-"""Number of inverse-kinematics branches of a limb."""
 
 UNIT_TOLERANCE = 1e-6
 """Largest deviation of the norm of a quaternion from 1."""

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
+from mlivr_gym.arguments import checked
 from mlivr_gym.files import write_whole
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 
@@ -22,9 +23,6 @@ BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base velocity: linear in the world frame, angular in the body frame."""
 
-SAVED: Validators = {"trajectory": InstanceOf(Trajectory), "path": FileName()}
-"""Schema of the arguments with which a trajectory is saved."""
-
 
 def joint_names(trajectory: Trajectory) -> list[str]:
     """Return the names of all joints, ordered by limb."""
@@ -32,7 +30,7 @@ def joint_names(trajectory: Trajectory) -> list[str]:
     return [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
 
 
-@checked(SAVED)
+@checked(ARGUMENTS)
 def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a NumPy archive; the file is replaced as a whole or not at all.
 
@@ -50,7 +48,7 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     write_whole(path, stream.getvalue())
 
 
-@checked(SAVED)
+@checked(ARGUMENTS)
 def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as CSV, one line for each sample, with units in the column names.
 
@@ -100,7 +98,7 @@ def message_header(time: float, frame: str) -> dict[str, Any]:
     return {"stamp": message_time(time), "frame_id": frame}
 
 
-@checked({"trajectory": InstanceOf(Trajectory)})
+@checked(ARGUMENTS)
 def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     """Return a trajectory as plain data with the fields of `trajectory_msgs/msg/JointTrajectory`.
 
@@ -120,7 +118,7 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     }
 
 
-@checked(SAVED)
+@checked(ARGUMENTS)
 def save_ros(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a ROS 2 message `trajectory_msgs/msg/JointTrajectory` in YAML.
 
