@@ -12,9 +12,8 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import scipy
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.compiled.warming import warming
 from mlivr_gym.errors import MlivrError, PlanError, shortened
@@ -116,7 +115,7 @@ def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntA
     other branches.
     """
     angles = Angles.rows(16, *points.shape)
-    base = poses(motion.base_positions, _rotations(motion))
+    base = poses(motion.base_positions, motion.base_rotations)
     for bit in range(16):
         every, grasps = np.full(points.shape, bit), graph.solver.grasps[points]
         held_angles(graph.checks.robots, base, grasps, every, angles[bit])
@@ -145,7 +144,7 @@ def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntA
 
 def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) -> None:
     """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
-    given, robot = _rotations(motion)[k], graph.robot
+    given, robot = motion.base_rotations[k], graph.robot
     positions, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
     for i, mount in enumerate(robot.mount_rotations):
         frame = link_frames(robot.every_limb[i], motion.joint_positions[k, i])[6]
@@ -167,14 +166,6 @@ def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) 
         )
 
 
-def _rotations(motion: Motion) -> Array:
-    """Return the base rotations of a motion, shape (K, 3, 3)."""
-    turns: Array = scipy.spatial.transform.Rotation.from_quat(
-        motion.base_quaternions, scalar_first=True
-    ).as_matrix()
-    return turns
-
-
 def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
     """Return the postures of the stances at the given base poses.
 
@@ -183,7 +174,7 @@ def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntA
     thresholds, and on them the allowed branches depend. Raises a `PlanError` if a stance cannot be
     held on the given branches, or is not a node.
     """
-    turns, chosen = _rotations(motion), graph.postures(points)
+    turns, chosen = motion.base_rotations, graph.postures(points)
     off = np.abs(chosen.base_position - motion.base_positions).max(axis=1)
     off = np.maximum(off, np.abs(chosen.base_rotation - turns).max(axis=(1, 2)))
     same = off < SAME_POSE

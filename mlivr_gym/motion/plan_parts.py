@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
+import scipy
 
 from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
 from mlivr_gym.robot.specification import ROBOT, RobotSpec
 from mlivr_gym.schema import NAME, Choice, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.settings import SETTINGS, Settings
@@ -55,6 +58,11 @@ class Step:
     rounded: tuple[tuple[float, ...], ...] = ()
     """Fractions of the lines before and after each knot that its rounded corner replaces, see
     `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops."""
+
+    @property
+    def path_kind(self) -> int:
+        """Number of the kind of the base path; one that was not checked is straight."""
+        return PATH_KINDS.index(self.path) if self.path in PATH_KINDS else STRAIGHT
 
 
 @dataclass(frozen=True)
@@ -130,6 +138,12 @@ class Motion:
     """Limb manipulability, shape (K, N)."""
     w_b: Array
     """Base manipulability, shape (K,)."""
+
+    @cached_property
+    def base_rotations(self) -> Array:
+        """Base orientations in the world, shape (K, 3, 3)."""
+        turns = scipy.spatial.transform.Rotation.from_quat(self.base_quaternions, scalar_first=True)
+        return np.asarray(turns.as_matrix())
 
     def __repr__(self) -> str:
         """Return the number of stances and limbs in one line."""

@@ -17,7 +17,7 @@ import scipy
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
-from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, BasePath, base_path, base_poses
+from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.path_following import joints_along, poses
 from mlivr_gym.kinematics.poses import pose
@@ -270,16 +270,13 @@ def planned_regrasp(graph: StanceGraph, plan: HasMotion, index: int) -> Regrasp:
 def regrasp_of(graph: StanceGraph, motion: Motion, index: int) -> Regrasp:
     """Return the regrasp of step `index` of a motion."""
     step, ends = motion.steps[index], slice(index, index + 2)
-    turns = scipy.spatial.transform.Rotation.from_quat(
-        motion.base_quaternions[ends], scalar_first=True
-    )
     return Regrasp(
         limb=step.limb,
         before=graph.indices(motion.stances[index]),
         to_point=graph.grasp_map.index(step.to_point),
         positions=motion.base_positions[ends],
-        rotations=turns.as_matrix(),
-        path_kind=PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT,
+        rotations=motion.base_rotations[ends],
+        path_kind=step.path_kind,
         pivot=np.array(step.pivot),
         branches=(*motion.branches[index].tolist(), int(motion.branches[index + 1, step.limb])),
         joints=motion.joint_positions[index],

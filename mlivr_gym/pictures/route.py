@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT, base_path, base_poses
+from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
@@ -29,14 +28,10 @@ SAMPLES = 13
 def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
     """Sample the base position along the base path of each step, shapes (samples, 3) [m]."""
     motion, share = plan.motion, np.linspace(0.0, 1.0, samples)
-    rotations = scipy.spatial.transform.Rotation.from_quat(
-        motion.base_quaternions, scalar_first=True
-    ).as_matrix()
-    poses = [pose(*at) for at in zip(motion.base_positions, rotations, strict=True)]
+    poses = [pose(*at) for at in zip(motion.base_positions, motion.base_rotations, strict=True)]
     paths = []
     for k, step in enumerate(plan.steps):
-        kind = PATH_KINDS.index(step.path) if step.path in PATH_KINDS else STRAIGHT
-        path = base_path(poses[k], poses[k + 1], kind, np.array(step.pivot))
+        path = base_path(poses[k], poses[k + 1], step.path_kind, np.array(step.pivot))
         paths.append(base_poses(path, share)[0])
     return paths
 
