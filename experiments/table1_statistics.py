@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from reports import CORES, experiment, study_rows, table
 
-from mlivr_gym.cli.table1 import Start
+from mlivr_gym.cli.table1 import Start, row_of
 from mlivr_gym.errors import StanceError
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Planner
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 LEAST = 3.0
@@ -61,20 +61,6 @@ def random_pair(seed: int) -> tuple[Start, list[float]]:
         inside = (goal >= low).all() and (goal <= high).all()
         if inside and np.linalg.norm(goal - here) >= LEAST and graph.branch_sets[s].all():
             return Start.at(graph, graph.ids(graph.points[s])), goal.tolist()
-
-
-def row_of(plan: Plan) -> dict[str, Any]:
-    """Return the values of a plan that the statistics use."""
-    found = plan.statistics
-    return {
-        "steps": len(plan.steps),
-        "base_translation": plan.base_translation,
-        "expanded": found.expanded,
-        "backward": found.backward,
-        "w_m_min": plan.w_m_min,
-        "w_b_min": plan.w_b_min,
-        "time": found.feasibility_time + found.search_time,
-    }
 
 
 def pair(task: int) -> dict[str, Any]:

@@ -206,19 +206,27 @@ def plan_case(
     row = {
         "points": len(graph.grasp_map),
         "stances": len(graph),
-        "expanded": plan.statistics.expanded,
-        "backward": plan.statistics.backward,
+        **row_of(plan),
         "distinct": _distinct_stances(result.tree, mode),
-        "base_translation": plan.base_translation,
         "refined": planner.refined(plan).base_translation,
-        "steps": len(plan.steps),
-        "w_m_min": plan.w_m_min,
-        "w_b_min": plan.w_b_min,
         "stance_set_time": built,
-        "time": plan.statistics.feasibility_time + plan.statistics.search_time,
         "stances_of_plan": [list(s) for s in plan.stances],
     }
     return plan, row, result.tree
+
+
+def row_of(plan: Plan) -> dict[str, Any]:
+    """Return the values of a plan that are compared with the paper's."""
+    spent = plan.statistics
+    return {
+        "expanded": spent.expanded,
+        "backward": spent.backward,
+        "base_translation": plan.base_translation,
+        "steps": len(plan.steps),
+        "w_m_min": plan.w_m_min,
+        "w_b_min": plan.w_b_min,
+        "time": spent.feasibility_time + spent.search_time,
+    }
 
 
 def _distinct_stances(tree: Array, mode: str) -> int | None:
