@@ -64,7 +64,7 @@ def lenses_of(simulation, robot):
 
 
 def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
-    camera, robot = DepthCamera(pixels=9, noise=0.0), checked_graph.robot
+    camera, robot = DepthCamera(pixels=6, noise=0.0), checked_graph.robot
     look = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
     points, origins = look
     boxes, expected, lenses = [*checked_graph.grasp_map.boxes, WALL], [], []

@@ -58,7 +58,7 @@ def test_it_goes_and_looks_at_what_leaves_no_plan(graph):
     """At first the walls round the goal are too far to be seen."""
     goal = np.array([6.0, 0.0, 0.42])
     around = Box.between("goal", "obstacle", goal - 0.3, goal + 0.3)
-    camera = DepthCamera(pixels=40, period=0.5, max_range=1.5)
+    camera = DepthCamera(pixels=28, period=1.0, max_range=1.5)
     graph.add_obstacles([around])
     try:
         record = run_closed_loop(graph, START, goal, gone=["goal"], camera=camera, max_steps=3)
@@ -104,8 +104,9 @@ def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
             model = simulations[-1].model
             model.geom_pos[model.geom("box/wall").id, 2] = 50.0
 
-    there = run_closed_loop(graph, START, GOAL, unknown=[wall], camera=CAMERA, max_steps=2)
-    gone = run_closed_loop(graph, START, GOAL, unknown=[wall], camera=CAMERA, show=take_away)
+    among = {"unknown": [wall], "camera": DepthCamera(pixels=40, period=0.5)}
+    there = run_closed_loop(graph, START, GOAL, **among, max_steps=2)
+    gone = run_closed_loop(graph, START, GOAL, **among, show=take_away)
     assert "freed" not in kinds(there)
     assert "freed" in kinds(gone)
     assert gone.outcome == ARRIVED

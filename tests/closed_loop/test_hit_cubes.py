@@ -80,11 +80,10 @@ def covered(cubes, points, margin=0.03):
 
 
 @pytest.mark.parametrize("is_box", [True, False])
-@pytest.mark.parametrize("seed", range(2))
-def test_a_thing_is_believed_as_long_as_it_is_there(seed, is_box):
+def test_a_thing_is_believed_as_long_as_it_is_there(is_box):
     """Whoever moves about it, at any angle, and whoever stands still and sees little of it."""
-    rng, cubes = np.random.default_rng([seed, is_box]), HitCubes(ORIGIN, SHAPE, NOISE)
-    turn = Rotation.random(random_state=seed).as_matrix()
+    rng, cubes = np.random.default_rng([0, is_box]), HitCubes(ORIGIN, SHAPE, NOISE)
+    turn = Rotation.random(random_state=0).as_matrix()
     thing = Thing(rng.uniform(0.05, 0.35, 3), turn, is_box)
     points = thing.surface(rng, 3000)
     for _ in range(10):

@@ -109,7 +109,7 @@ def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
     blind = run_closed_loop(graph, START, GOAL, unknown=[box])
     assert (blind.outcome, blind.steps) == (FAILED, 0)
     record = run_closed_loop(
-        graph, START, GOAL, unknown=[box], camera=LateCamera(pixels=40, period=0.5)
+        graph, START, GOAL, unknown=[box], camera=LateCamera(pixels=28, period=0.5)
     )
     assert record.outcome == ARRIVED
     first = next(event for event in record.events if event.kind in ("blocked", "step"))

@@ -16,26 +16,34 @@ from mlivr_gym.world.grasp_map import as_map
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 
 
-def _graphs(world, blocked):
-    """A graph of which nothing is known, and one of which every step was checked."""
-    graphs = [stance_graph(world) for _ in range(2)]
-    for graph in graphs:
-        if blocked:
-            graph.add_obstacles([BOX])
-            graph.occupy([world.ids[4], world.ids[20]])
-    fill_rows(graphs[1])
-    return graphs
-
-
 @pytest.fixture(scope="module")
 def tracks(jem):
     keep = [point.split(":")[0] in ("D1a", "D2a", "F1b", "F2b", "A1a", "A2b") for point in jem.ids]
     return jem.subset(np.array(keep), "six tracks")
 
 
+@pytest.fixture
+def lazy(tracks):
+    """A graph of which nothing is known."""
+    return stance_graph(tracks)
+
+
+@pytest.fixture(scope="module")
+def full(tracks):
+    """A graph of which every step was checked."""
+    graph = stance_graph(tracks)
+    fill_rows(graph)
+    return graph
+
+
 @pytest.mark.parametrize("blocked", [False, True])
-def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, blocked):
-    lazy, full = _graphs(tracks, blocked)
+def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, lazy, full, blocked):
+    if blocked:
+        full = stance_graph(tracks)
+        for graph in (lazy, full):
+            graph.add_obstacles([BOX])
+            graph.occupy([tracks.ids[4], tracks.ids[20]])
+        fill_rows(full)
     assert full.is_complete
     assert not lazy.is_complete
     rng, lengths, checked = np.random.default_rng(1), [], []
@@ -60,11 +68,9 @@ def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, blocked):
     assert sum(checked) < 0.5 * full.steps.edges["known"].sum()
 
 
-def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, monkeypatch):
+def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, monkeypatch):
     """All steps but those close to a crate are known; each limb is on one branch at the start."""
-    found, rng = [], np.random.default_rng(2)
-    graph = stance_graph(tracks)
-    fill_rows(graph)
+    found, rng, graph = [], np.random.default_rng(2), full
     graph.add_obstacles([BOX])
     graph.node_postures(np.arange(len(graph)))
     is_held = np.flatnonzero(graph.steps.branch_sets.all(axis=1))
@@ -81,12 +87,13 @@ def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, monkey
             plan = result.plan
             results.append((result.reason, plan and (plan.cost, plan.statistics.bound)))
         assert results[0] == results[1], (start, goal)
+    graph.remove_obstacles()
     assert 3 < len(found) <= 12
 
 
 @pytest.mark.parametrize(
     ("name", "centre", "radius"),
-    [("station", (3.8, 0.0, 0.0), 2.6), ("hatch", (1.6, 2.2, 0.0), 2.3), ("uslab", (0, 0, 0), 1.8)],
+    [("hatch", (1.6, 2.2, 0.0), 2.3), ("uslab", (0, 0, 0), 1.8)],
 )
 def test_it_finds_the_fewest_steps_where_they_are_more_than_without_checks(name, centre, radius):
     """Through hatches between modules, and among tracks at 45 degrees; each query checks anew."""
@@ -124,9 +131,8 @@ def _fewest_moves(graph, start, goal):
     return steps[np.linalg.norm(graph.base_position - goal, axis=1) <= 0.05].min()
 
 
-def test_a_start_pose_counts_as_a_step(tracks):
+def test_a_start_pose_counts_as_a_step(lazy, full):
     """From a base pose that the start stance does not have."""
-    lazy, full = _graphs(tracks, blocked=False)
     s = 7
     position = full.base_position[s] + [0.004, 0.003, 0.0]
     pose = (*position, *full.configuration(full.state(full.points[s].tolist()))[1])
@@ -139,8 +145,7 @@ def test_a_start_pose_counts_as_a_step(tracks):
     assert found.plan.stances[0] == truth.plan.stances[0]
 
 
-def test_limits_of_expansions_and_time_end_it(tracks):
-    lazy, _ = _graphs(tracks, blocked=False)
+def test_limits_of_expansions_and_time_end_it(lazy):
     start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[-1]
     for limits in ({"limit": 1}, {"time_limit": 0.0}):
         found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)

@@ -210,7 +210,7 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
     monkeypatch.setattr(
         TableSearch, "_bounds_among_obstacles", lambda self: itertools.islice(bounds(self), 1)
     )
-    found = cut_off(first, table, np.random.default_rng(3), 36, 0)
+    found = cut_off(first, table, np.random.default_rng(8), 24, 0)
     assert sum(search.lower_bound == np.inf and search.expanded > 1 for search in found) > 5
 
 
@@ -224,7 +224,7 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
     monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
     monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
-    found = list(cut_off(first, table, np.random.default_rng(4), 10, 1))
+    found = list(cut_off(first, table, np.random.default_rng(6), 12, 1))
     proved = sum(search.lower_bound == np.inf for search in found)
     assert 2 < proved < len(found)
 

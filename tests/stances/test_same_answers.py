@@ -12,7 +12,7 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import find_table
 
-WALKS, STEPS = 4, 3
+WALKS, STEPS = 2, 3
 
 
 def states_of(graph, seed):

@@ -22,7 +22,7 @@ WORLDS = {"default": stance_graph, STATION: lambda: stance_graph(STATION)} | {
 }
 PAPER = {name: world for name, world in WORLDS.items() if name != STATION}
 """Those of which the whole table is worked out afresh within minutes."""
-STANCES = 50
+STANCES = 20
 HATCH = (3.6, 0.0, 0.0)
 """Between the first node of the station and the first lab [m]."""
 

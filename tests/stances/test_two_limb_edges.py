@@ -34,9 +34,8 @@ def by_one_thread(filled):
     return filled(1)
 
 
-@pytest.mark.parametrize("threads", [2, 5])
-def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thread, threads):
-    alone, many = by_one_thread, filled(threads)
+def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thread):
+    alone, many = by_one_thread, filled(5)
     assert alone.base_position.tobytes() == many.base_position.tobytes()
     assert alone.w_m.tobytes() == many.w_m.tobytes()
     np.testing.assert_array_equal(alone.steps.edges, many.steps.edges)
@@ -157,7 +156,8 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
 def test_a_graph_tells_when_an_obstacle_gives_a_limb_another_branch(small_map, monkeypatch):
     """Against the releases of a graph that has all boxes from the start."""
     monkeypatch.setattr("mlivr_gym.stances.two_limb_edges.MOST_REPEATED", 10**6)
-    grown, rng, told = stance_graph(small_map), np.random.default_rng(3), []
+    few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
+    grown, rng, told = stance_graph(few), np.random.default_rng(3), []
     every = np.stack(np.divmod(np.arange(2 * len(grown)), 2), axis=1)
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
     for trial in range(3):
@@ -167,7 +167,7 @@ def test_a_graph_tells_when_an_obstacle_gives_a_limb_another_branch(small_map, m
             centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
             boxes.append(Box.between(f"b{trial}{k}", "obstacle", centre - half, centre + half))
             grown.add_obstacles(boxes[-1:])
-            fresh = stance_graph(small_map)
+            fresh = stance_graph(few)
             fresh.add_obstacles(boxes)
             fresh.check_releases(every)
             now = fresh.releasable.copy()

@@ -4,7 +4,7 @@ from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
-CAMERA = DepthCamera(pixels=40, period=0.5)
+CAMERA = DepthCamera(pixels=28, period=1.0)
 BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
 
 
