@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.planners.level_graph import ARRIVAL, Levels, Origins, compute_remaining
 from mlivr_gym.planners.level_paths import LARGEST_CUT, Cuts, find_cuts, find_path
 from mlivr_gym.planners.path_search import EDGE_EFFORT, PathSearch, StatePath
@@ -27,8 +28,9 @@ from mlivr_gym.stances.two_limb_steps import TwoLimbTable, edge_indices
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State
 
-LEAST_ALTERNATIVES = 48
-"""Maximum number of steps of a cut that are checked at once, if few stances are left."""
+LEAST_ALTERNATIVES, AMONG_OBSTACLES = 48, 400
+"""Maximum number of steps of a cut that are checked at once, if few stances are left, and the same
+if all steps without obstacles are known: to check one again takes less time."""
 
 STANCES_PER_ALTERNATIVE = 256
 """Number of stances left for each of them, if many are: on a large map it takes longer to search
@@ -44,8 +46,14 @@ class LevelSearch(PathSearch):
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
         is_goal = self.goal.reached(graph.base_position, graph.points)
-        self._goals, self._levels = np.flatnonzero(is_goal), Levels.allocate(is_goal, graph.steps)
-        if graph.steps.releases["known"].any():
+        self._goals, has_bounds = np.flatnonzero(is_goal), graph.is_complete_without_obstacles
+        self._levels = Levels.allocate(is_goal, graph.steps, has_bounds)
+        if has_bounds:
+            before, after, edges = graph.checked_edges
+            is_step = graph.steps.edges["kept"][edges] != 0
+            self._levels.is_checked[before[is_step]] = True
+            self._levels.is_checked[after[is_step]] = True
+        elif graph.steps.releases["known"].any():
             self._levels.is_checked[...] = _with_known_steps(graph.steps)
         self._explored: list[IntArray] = []
         self._fewest, self._too_far = -1, np.zeros_like(is_goal)
@@ -109,7 +117,8 @@ class LevelSearch(PathSearch):
         """Update what is known of releases, and where paths start."""
         table, nodes, releasable = self.graph.steps, self._origins.nodes, self._levels.releasable
         known, branches = table.releases["known"], table.releases["branches"]
-        releasable[...] = np.where(known, branches, table.branch_sets)
+        releasable[...] = table.branch_sets
+        releasable[...] &= np.where(known | self._levels.has_bounds, branches, ALL)
         can_move = self._branch_sets & releasable[nodes] != 0
         self._origins.supports[...] = np.where(can_move[:, ::-1], self._branch_sets, 0)
 
@@ -185,7 +194,8 @@ class LevelSearch(PathSearch):
         steps = cuts.steps[smallest, : cuts.size[smallest]]
         moved = np.linalg.norm(position[steps[:, 1]] - position[steps[:, 2]], axis=1)
         count = np.count_nonzero(~self._too_far) // STANCES_PER_ALTERNATIVE
-        first = np.lexsort((moved, steps[:, 3]))[: max(count, LEAST_ALTERNATIVES)]
+        least = AMONG_OBSTACLES if self._levels.has_bounds else LEAST_ALTERNATIVES
+        first = np.lexsort((moved, steps[:, 3]))[: max(count, least)]
         return np.asarray(steps[first, :3])
 
     def _state_path(self, path: IntArray) -> StatePath:

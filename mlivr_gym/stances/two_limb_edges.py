@@ -10,6 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
+from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
@@ -17,6 +18,9 @@ from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.records import StanceArrays, StepRecord, WorldRecord
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.step_check import StepChecks
+
+FLIPS_OF_FIRST = np.int64(0x0101)
+"""Branch set of branch 0 with both flips, see `bit_sets.both_flips`."""
 
 MOST_REPEATED = 800
 """Number of releases up to which all are computed again after obstacles were added."""
@@ -71,9 +75,14 @@ class TwoLimbEdges:
         return Edge(path_kind, int(fold), int(entry["line_branches"]), kept)
 
     @property
+    def checked(self) -> IntArray:
+        """Edges that were checked among obstacles: stances before and after, and index, (3, k)."""
+        return np.concatenate([np.zeros((3, 0), dtype=np.int64), *self._stored], axis=1)
+
+    @property
     def blocked(self) -> IntArray:
-        """Indices of edges that were checked among obstacles and are no steps, shape (k,)."""
-        index = np.concatenate([np.zeros(0, dtype=np.int64), *(i for _, _, i in self._stored)])
+        """Indices of those of them that are no steps, shape (k,)."""
+        *_, index = self.checked
         return np.asarray(index[self.table.edges["kept"][index] == 0])
 
     @cached_property
@@ -83,8 +92,8 @@ class TwoLimbEdges:
 
     @cached_property
     def edges_among_obstacles(self) -> Any:
-        """Edges among the present obstacles; to allocate them takes longer than to plan."""
-        return TwoLimbEdge.rows(len(self.table.edges))
+        """Edges among the present obstacles; to copy them all takes longer than to plan."""
+        return _as_bounds(self.table.edges)
 
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
@@ -198,23 +207,37 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     def _forgotten(self, close: BoolArray, everything: bool) -> tuple[IntArray, Any]:
         """Forget the edges that are to be checked anew, if stances may touch new obstacles, (n,).
 
-        An edge that is blocked stays so, unless the swing limb cannot stay folded: that may be
-        released on another branch among more obstacles. Returned are the numbers of those that were
-        not blocked and are forgotten, in order, and what was known, rows of `TwoLimbEdge`.
+        Returned are the numbers of those that were not blocked and are forgotten, in order, and
+        what was known, rows of `TwoLimbEdge`.
         """
         index, found = np.zeros(0, dtype=np.int64), TwoLimbEdge.rows(0)
         if not self._stored:
             return index, found
         edges = self.free.edges_among_obstacles
-        before, after, index = stored = np.concatenate(self._stored, axis=1)
-        lasts = (edges["kept"][index] == 0) & (edges["line_branches"][index] < 0)
+        before, after, index = stored = self.checked
+        lasts = self._stay_blocked(before, after, edges[index])
         lasts = (lasts | ~(close[before] | close[after])) & (not everything)
-        edges["known"][index[~lasts]] = 0
         self._stored[:] = [stored[:, lasts]]
-        index = np.unique(index[~lasts & (edges["kept"][index] != 0) & (not everything)])
+        forgotten = index[~lasts]
+        index = np.unique(forgotten[(edges["kept"][forgotten] != 0) & (not everything)])
         found = edges[index]
-        found["known"] = 1
+        edges[forgotten] = _as_bounds(self.free.table.edges[forgotten])
         return index, found
+
+    def _stay_blocked(self, before: IntArray, after: IntArray, edges: Any) -> BoolArray:
+        """Return which edges are blocked, and stay so among more obstacles, shape (k,).
+
+        A motion that is blocked stays so. But a limb that can no longer fold may be released on
+        another branch, from or to which its swing is clear.
+        """
+        points, line = self.table.points, edges["line_branches"]
+        moving, lasts = np.argmax(points[before] != points[after], axis=1), edges["kept"] == 0
+        for s, branch in (before, line // BRANCHES), (after, line % BRANCHES):
+            release = self._before[s, moving]
+            is_on_line = release["branches"] & (FLIPS_OF_FIRST << np.maximum(branch, 0)) != 0
+            is_stuck = release["known"] & (release["branches"] == 0)
+            lasts &= (line < 0) | is_on_line | is_stuck
+        return np.asarray(lasts)
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
         """Store the results of steps, and which they are; see `TwoLimbEdges`."""
@@ -348,6 +371,17 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         self.checks.check(steps, self.stances, world)
         kept[close] = steps["kept"][rows, support]
         return kept
+
+
+def _as_bounds(edges: Any) -> Any:
+    """Return edges without obstacles as upper bounds among them, rows of `TwoLimbEdge`.
+
+    Those that are no steps are known to be none.
+    """
+    # As bytes: NumPy copies records field by field, which takes longer.
+    bounds = edges.view(np.uint8).copy().view(edges.dtype)
+    bounds["known"] &= bounds["kept"] == 0
+    return bounds
 
 
 def _differ(releases: Any, others: Any) -> BoolArray:

@@ -168,6 +168,11 @@ class TwoLimbGraph(StanceGraph):
         """Numbers of edges of the table that are known to be no steps at present, shape (k,)."""
         return self._known.blocked
 
+    @property
+    def checked_edges(self) -> IntArray:
+        """Edges that were checked among obstacles: stances before and after, and number, (3, k)."""
+        return self._known.checked
+
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, (k,) each."""
         self._known.check_steps(support, before, after)

@@ -71,6 +71,7 @@ def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, lazy, full, 
 def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, monkeypatch):
     """All steps but those close to a crate are known; each limb is on one branch at the start."""
     found, rng, graph = [], np.random.default_rng(2), full
+    without = graph.steps.edges.copy()
     graph.add_obstacles([BOX])
     graph.node_postures(np.arange(len(graph)))
     is_held = np.flatnonzero(graph.steps.branch_sets.all(axis=1))
@@ -87,8 +88,11 @@ def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, 
             plan = result.plan
             results.append((result.reason, plan and (plan.cost, plan.statistics.bound)))
         assert results[0] == results[1], (start, goal)
+    edges = graph.steps.edges
     graph.remove_obstacles()
     assert 3 < len(found) <= 12
+    assert edges["known"][(without["known"] == 1) & (without["kept"] == 0)].all()
+    assert not (edges["kept"] & ~without["kept"]).any()
 
 
 @pytest.mark.parametrize(
