@@ -68,18 +68,20 @@ def scene_spec(
     )  # fmt: skip
     spec.add_material(name="metal", specular=0.6, shininess=0.6)
     world = spec.worldbody
-    for box in boxes:
+    turned = quaternion_of(np.array([box.rotation for box in boxes]).reshape(-1, 3, 3))
+    for box, quaternion in zip(boxes, turned, strict=True):
         world.add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
             size=box.half, rgba=COLOURS[box.kind],
             material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
-            contype=SURROUNDINGS, conaffinity=ROBOT, quat=quaternion_of(np.array(box.rotation)),
+            contype=SURROUNDINGS, conaffinity=ROBOT, quat=quaternion,
         )  # fmt: skip
-    for point, face, position, rotation in zip(
-        grasp_map.ids, grasp_map.faces, grasp_map.positions, grasp_map.rotations, strict=True
+    turned = quaternion_of(grasp_map.rotations)
+    for point, face, position, quaternion in zip(
+        grasp_map.ids, grasp_map.faces, grasp_map.positions, turned, strict=True
     ):
         world.add_site(
-            name=scene_name(POINT, point), pos=position, quat=quaternion_of(rotation),
+            name=scene_name(POINT, point), pos=position, quat=quaternion,
             type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[0.016, 0.003, 0.0], rgba=_POINT,
             group=FACE_GROUPS.get(face, 0),
         )  # fmt: skip

@@ -111,8 +111,8 @@ def test_a_grasp_is_refused_as_often_as_stated_and_approached_again(checked_grap
     refusals = np.array([simulation.refuses(3) for _ in range(10_000)])
     assert refusals.mean() == pytest.approx(0.3, abs=4.0 * np.sqrt(0.21 / 10_000))
     assert (refusals[:-1] & refusals[1:]).mean() == pytest.approx(0.09, abs=0.02)  # independent
-    assert not any(Setup().simulation(checked_graph.grasp_map, plan.world.robot).refuses(k)
-                   for k in range(50))  # fmt: skip
+    never = Setup().simulation(checked_graph.grasp_map, plan.world.robot)
+    assert not any(never.refuses(k) for k in range(50))
     walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     for refused, attempts, failure in ((0, 1, None), (1, 2, None), (2, 2, "refused grasp")):
         simulation = Simulation(checked_graph.grasp_map, plan.world.robot)
