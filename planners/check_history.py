@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.kinematics.batches import distances
-from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.label_search import SearchParameters
+from mlivr_gym.planners.label_search import Delays, SearchGraph, SearchParameters
 from mlivr_gym.planners.labels import CAPACITY, NodePath
 from mlivr_gym.planners.lazy_table import LazyNodeTable, LazyTable
 from mlivr_gym.stances.obstacles import CELL_EDGE
@@ -46,11 +45,10 @@ class CheckHistory:
         assert isinstance(lazy_table, LazyNodeTable)
         assert lazy_table.cells is not None
         base_position, cells = lazy_table.table.base_position, lazy_table.cells
-        self._base_position, self._cell = base_position, cells.cell
+        self._base_position = base_position
         self._centres = cells.low + CELL_EDGE / 2
-        self._penalty = np.zeros(len(cells.low))
-        self._at_steps = np.zeros(0, dtype=np.int64)
-        self._keys, self._labels = np.empty(len(base_position)), 1
+        self._penalty, self._place = np.zeros(len(cells.low)), cells.cell.copy()
+        self._labels = 1
 
     def add_failures(self, nodes: IntArray) -> None:
         """Add nodes that touch an obstacle: nodes come later, the closer the more."""
@@ -63,19 +61,14 @@ class CheckHistory:
         is_step = checked_edges.kept_on(path.edges) != 0
         before, after = path.nodes[:-1], path.nodes[1:]
         self.add_failures(np.concatenate([before[~is_step], after[~is_step]]))
-        self._at_steps = np.union1d(self._at_steps, [before[is_step], after[is_step]])
+        for nodes in (before, after):
+            self._place[nodes[is_step]] = len(self._penalty)
 
-    def ordered(self, h: Array, cost: Cost) -> Array:
-        """Return keys for the open queue in place of lower bounds `h` of a cost, shape (n,).
-
-        The array is used again by the next call.
-        """
-        unit, keys = cost.step_weight + STEP_LENGTH * cost.base_weight, self._keys
-        np.take(unit * self._penalty, self._cell, out=keys, mode="clip")
-        keys += h
-        keys[self._at_steps] = np.maximum(h[self._at_steps] - unit, MIN_COST_OUTSIDE_GOAL)
-        keys[np.flatnonzero(h == 0.0)] = 0.0
-        return keys
+    def ordered(self, search_graph: SearchGraph, cost: Cost) -> SearchGraph:
+        """Return the graph of a search for a path of least cost, with delays of nodes."""
+        unit = cost.step_weight + STEP_LENGTH * cost.base_weight
+        delays = Delays(self._place, unit * np.append(self._penalty, -1.0))
+        return search_graph._replace(delays=delays)
 
     def limited(self, parameters: SearchParameters) -> SearchParameters:
         """Return search parameters with the limit of labels that applies now."""

@@ -3,17 +3,16 @@
 This is breadth-first search backward from the goal. Neighbours have common support sets, the
 points held by the limbs that do not move, so each level visits the support sets of its nodes in
 the order in which they lie in memory, which takes a third of the time of going from node to node.
+Threads share the support sets of a level: all that they write at the same place is the same.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import entry, in_parallel, kernel
 from mlivr_gym.compiled.limb_branch_sets import has_bit
 from mlivr_gym.stances.node_table import NodeTable
 
@@ -24,15 +23,8 @@ ON_FRONTIER, ALL_REACHED = 1, 2
 """Status of support sets: one of their nodes was reached last; all their nodes were reached."""
 
 
-class SupportSetScratch(NamedTuple):
-    """Scratch for the r members of one support set."""
-
-    unreached: NDArray[np.int32]
-    """Indices of the members not reached yet, shape (r,)."""
-    unreached_node: NDArray[np.int32]
-    """Nodes of these members, shape (r,)."""
-    frontier: NDArray[np.int32]
-    """Indices of the members reached last, shape (r,)."""
+LEAST_IN_THREADS = 50_000
+"""Number of nodes or support sets from which on threads are used; each takes at most 0.1 us."""
 
 
 def fewest_steps(
@@ -47,10 +39,17 @@ def fewest_steps(
     steps = np.where(goals, 0, UNREACHED).astype(np.int16)
     steps[forbidden] = FORBIDDEN
     largest = int(np.diff(table.start).max(initial=0))
-    scratch = SupportSetScratch(*(np.empty(largest, dtype=np.int32) for _ in range(3)))
     support_set_status, level, limit = np.zeros(len(table.start) - 1, dtype=np.uint8), 0, np.inf
+
+    def rows(threads: int) -> NDArray[np.int32]:
+        return np.empty((threads, 3, largest), dtype=np.int32)
+
     while level < limit:
-        if not _expand_level(table, level, steps, support_set_status, scratch):
+        reached = np.zeros(1, dtype=np.bool_)
+        given = table, level, steps, support_set_status, reached
+        for count, share in ((len(steps), _mark_frontier), (len(table.start) - 1, _expand_level)):
+            in_parallel(count, share, *given, scratch_rows=rows, least=LEAST_IN_THREADS)
+        if not reached[0]:
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
@@ -59,26 +58,46 @@ def fewest_steps(
 
 
 @entry
-def _expand_level(
+def _mark_frontier(
+    start: int,
+    stop: int,
     table: NodeTable,
     level: int,
     steps: NDArray[np.int16],
     support_set_status: NDArray[np.uint8],
-    scratch: SupportSetScratch,
-) -> bool:
-    """Reach the neighbours of all nodes of a level; return whether there are any."""
-    for s in range(len(steps)):
+    reached: BoolArray,
+    scratch_rows: NDArray[np.int32],
+) -> None:
+    """Mark the support sets of the nodes `start` to `stop` - 1 that were reached last."""
+    for s in range(start, stop):
         if steps[s] == level:
             for limb in range(table.support_sets.shape[1]):
                 if support_set_status[table.support_sets[s, limb]] != ALL_REACHED:
                     support_set_status[table.support_sets[s, limb]] = ON_FRONTIER
-    reached = 0
-    for support_set in range(len(support_set_status)):
-        if support_set_status[support_set] == ON_FRONTIER:
-            reached += _expand_support_set(
-                table, support_set, level, steps, support_set_status, scratch
-            )
-    return reached > 0
+
+
+@entry
+def _expand_level(
+    start: int,
+    stop: int,
+    table: NodeTable,
+    level: int,
+    steps: NDArray[np.int16],
+    support_set_status: NDArray[np.uint8],
+    reached: BoolArray,
+    scratch_rows: NDArray[np.int32],
+) -> None:
+    """Reach the neighbours of a level within the support sets `start` to `stop` - 1.
+
+    Whether there are any is written into `reached`, shape (1,). Scratch are, for each thread, the
+    indices of the members of a support set not reached yet, their nodes, and the indices of those
+    reached last, shape (threads, 3, r).
+    """
+    for support_set in range(start, stop):
+        if support_set_status[support_set] == ON_FRONTIER and _expand_support_set(
+            table, support_set, level, steps, support_set_status, scratch_rows[0]
+        ):
+            reached[0] = True
 
 
 @kernel
@@ -88,9 +107,10 @@ def _expand_support_set(
     level: int,
     steps: NDArray[np.int16],
     support_set_status: NDArray[np.uint8],
-    scratch: SupportSetScratch,
-) -> int:
-    """Reach the neighbours of the frontier within one support set; return how many were reached."""
+    scratch: NDArray[np.int32],
+) -> bool:
+    """Reach the neighbours of the frontier within one support set; return whether there are any."""
+    unreached, unreached_node, frontier = scratch[0], scratch[1], scratch[2]
     begin, size = (
         int(table.start[support_set]),
         int(table.start[support_set + 1] - table.start[support_set]),
@@ -99,23 +119,21 @@ def _expand_support_set(
     for k in range(size):
         s = int(table.members[begin + k]) // table.points.shape[1]
         if steps[s] == UNREACHED:
-            scratch.unreached[unreached_count], scratch.unreached_node[unreached_count] = k, s
+            unreached[unreached_count], unreached_node[unreached_count] = k, s
             unreached_count += 1
         elif steps[s] == level:
-            scratch.frontier[frontier_count] = k
+            frontier[frontier_count] = k
             frontier_count += 1
     initial_count = unreached_count
     for i in range(frontier_count):
-        row, k = int(table.offset[support_set]) + int(scratch.frontier[i]) * size, 0
+        row, k = int(table.offset[support_set]) + int(frontier[i]) * size, 0
         while k < unreached_count:
-            if not has_bit(table.joined, row + int(scratch.unreached[k])):
+            if not has_bit(table.joined, row + int(unreached[k])):
                 k += 1
                 continue
-            steps[scratch.unreached_node[k]] = level + 1
+            steps[unreached_node[k]] = level + 1
             unreached_count -= 1
-            scratch.unreached[k], scratch.unreached_node[k] = (
-                scratch.unreached[unreached_count],
-                scratch.unreached_node[unreached_count],
-            )
+            unreached[k] = unreached[unreached_count]
+            unreached_node[k] = unreached_node[unreached_count]
     support_set_status[support_set] = ALL_REACHED if unreached_count == 0 else 0
-    return initial_count - unreached_count
+    return unreached_count < initial_count

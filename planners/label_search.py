@@ -35,7 +35,7 @@ from mlivr_gym.compiled.limb_branch_sets import (
     supports_of,
 )
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.planners.backward_search import degree, edge_cost
+from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, degree, edge_cost
 from mlivr_gym.planners.bucket_queue import (
     NO_ENTRY,
     bucket_width,
@@ -64,6 +64,26 @@ Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
 after them, 0 for an edge that is no step."""
 
 
+class Delays(NamedTuple):
+    """By how much nodes come later in the open queue than `f` tells, see `check_history`."""
+
+    place: NDArray[np.int32]
+    """Place of each node, shape (n,), or (0,) if there are no delays."""
+    of_place: Array
+    """What is added to `h` at each place, negative for nodes that come earlier, shape (p,)."""
+
+    def added_to(self, h: Array, nodes: IntArray) -> Array:
+        """Return `h` with the delays at some nodes, shapes (n,) and (k,) -> (k,)."""
+        if not len(self.place):
+            return np.asarray(h[nodes])
+        late = np.maximum(h[nodes] + self.of_place[self.place[nodes]], MIN_COST_OUTSIDE_GOAL)
+        return np.where(h[nodes] == 0.0, 0.0, late)
+
+
+NO_DELAYS = Delays(np.empty(0, dtype=np.int32), np.empty(0))
+"""Delays of a search in the order of `f`."""
+
+
 class SearchGraph(NamedTuple):
     """The graph of a search: nodes, edges checked so far, and the cost to minimise."""
 
@@ -73,6 +93,8 @@ class SearchGraph(NamedTuple):
     """Edges that were checked, with the branches that they keep."""
     weights: CostWeights
     """Weights of the cost."""
+    delays: Delays = NO_DELAYS
+    """Delays of nodes in the open queue; a search with delays proves nothing."""
 
 
 class SearchParameters(NamedTuple):
@@ -178,9 +200,10 @@ def cheapest_path(
         CLOCK_INTERVAL,
         NO_LABEL,
     )
-    estimates = status["cost_weight"] * origins.cost + h[origins.nodes]
+    h_origins = search_graph.delays.added_to(h, origins.nodes)
+    estimates = status["cost_weight"] * origins.cost + h_origins
+    labels.reset_nodes()
     labels.queue.reset(float(estimates.min(initial=np.inf)), bucket_width(search_graph.weights))
-    labels.last_of_node[:] = NO_LABEL
     end = PAUSED
     while end in (PAUSED, CHECKS_PENDING) and time.perf_counter() < deadline:
         end = int(_search(search_graph, h, status, origins, labels))
@@ -215,7 +238,7 @@ def _search(
                     return ARRAYS_FULL
                 _add_label(labels, s, origins.branch_sets[k], cost, -1 - k, -1)
                 labels.checked[queue.status.entry_count] = True
-                push(queue, status.cost_weight * cost + h[s], s)
+                push(queue, status.cost_weight * cost + _estimate(search_graph, h, s), s)
     while True:
         if count == status.clock_interval:
             return PAUSED
@@ -229,7 +252,7 @@ def _search(
         proved = queue_lower_bound(queue) >= status.cost_weight * status.incumbent_cost
         if status.incumbent != NO_LABEL and proved:
             return SEARCH_COMPLETE
-        if not cost + h[s] < status.incumbent_cost:
+        if not cost + _estimate(search_graph, h, s) < status.incumbent_cost:
             continue
         if status.check_when_popped and not labels.checked[label]:
             branch_sets = labels.branch_sets[label]
@@ -259,7 +282,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights = search_graph
+    table, checked_edges, weights, _ = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -289,12 +312,22 @@ def _expand(
             if not each_keeps_one(kept, limbs):
                 continue
             cost = labels.cost[label] + edge_cost(table, s, other, weights)
-            if not cost + h[other] < status.incumbent_cost:
+            estimate = _estimate(search_graph, h, other)
+            if not cost + estimate < status.incumbent_cost:
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)
             if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
                 _add_label(labels, other, after, cost, label, row + k)
-                push(labels.queue, status.cost_weight * cost + h[other], other)
+                push(labels.queue, status.cost_weight * cost + estimate, other)
+
+
+@kernel
+def _estimate(search_graph: SearchGraph, h: Array, s: int) -> float:
+    """Return the cost from a node to the goal by which the open queue is ordered."""
+    delays = search_graph.delays
+    if len(delays.place) == 0 or h[s] == 0.0:
+        return float(h[s])
+    return max(float(h[s] + delays.of_place[delays.place[s]]), MIN_COST_OUTSIDE_GOAL)
 
 
 @kernel

@@ -54,10 +54,17 @@ class Labels(NamedTuple):
         """Allocate arrays for the labels of some number of nodes."""
         parent, previous_of_node = (np.empty(CAPACITY, dtype=np.int32) for _ in range(2))
         edges, branch_sets = np.empty(CAPACITY, dtype=np.int64), np.empty(CAPACITY, dtype=np.uint64)
-        last_of_node, expanded = np.empty(nodes, dtype=np.int32), np.empty(CAPACITY, dtype=np.int32)
+        last_of_node = np.full(nodes, NO_LABEL, dtype=np.int32)
+        expanded = np.empty(CAPACITY, dtype=np.int32)
         checked, pending = np.empty(CAPACITY, dtype=np.bool_), np.empty(CHECK_BATCH, dtype=np.int64)
         paths = np.empty(CAPACITY), parent, edges, branch_sets, previous_of_node, last_of_node
         return cls(NodeQueue.allocate(CAPACITY), *paths, expanded, checked, pending)
+
+    def reset_nodes(self) -> None:
+        """Forget the labels of all nodes, before the queue is reset."""
+        used = self.queue.node[: self.label_count]
+        few = len(used) < len(self.last_of_node) // 8
+        self.last_of_node[used if few else slice(None)] = NO_LABEL
 
     @property
     def label_count(self) -> int:

@@ -323,14 +323,14 @@ class TableSearch(PathSearch):
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
-        limit, h = min(search.limit - self.expanded, search.effort - self.effort), goal_bounds.h
+        limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit, checks = min(parameters.max_expansions, limit), CheckBudget(self, lazy_table)
-        if stage.ordered_by_checks:
-            h = self._check_history.ordered(h, goal_bounds.cost)
-            parameters = self._check_history.limited(parameters)
         search_graph = SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost))
+        if stage.ordered_by_checks:
+            search_graph = self._check_history.ordered(search_graph, goal_bounds.cost)
+            parameters = self._check_history.limited(parameters)
         found = checks.outcome(cheapest_path(
-            search_graph, h, self._origins, self._labels,
+            search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
             deadline=search.deadline, check=checks,
         ))  # fmt: skip

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
@@ -37,6 +38,9 @@ long.
 
 MOST_THREADS = 8
 """Maximum number of threads that share the items of a call."""
+
+PIECES_PER_THREAD = 4
+"""Pieces into which items are divided for each thread, since some take longer than others."""
 
 _compile: Any = njit  # its type stubs know only some of its options
 
@@ -121,7 +125,8 @@ def in_parallel(
     """Call an entry `kernel(start, stop, *args, scratch)` over a range of items, `stop` excluded.
 
     From `least` items on it is called in several threads, each with a row of scratch of its own, of
-    which `scratch_rows` creates a given number.
+    which `scratch_rows` creates a given number. Each thread takes the next piece of the items when
+    it has finished one.
     """
     used = workers(count, least)
     scratch = scratch_rows(used)
@@ -129,14 +134,19 @@ def in_parallel(
         kernel(0, count, *args, scratch)
         return
     kernel(0, 0, *args, scratch[:1])
-    edges = [count * w // used for w in range(used + 1)]
-    jobs = [
-        threads().submit(kernel, edges[w], edges[w + 1], *args, scratch[w : w + 1])
-        for w in range(1, used)
-    ]
-    kernel(0, edges[1], *args, scratch[:1])
+    number = min(count, PIECES_PER_THREAD * used)
+    edges = [count * piece // number for piece in range(number + 1)]
+    pieces = iter(list(pairwise(edges)))  # an iterator over a list, from which threads may take
+
+    def work(thread: int) -> None:
+        for start, stop in pieces:
+            kernel(start, stop, *args, scratch[thread : thread + 1])
+
+    jobs = [threads().submit(work, thread) for thread in range(1, used)]
+    work(0)
     for job in jobs:
-        job.result()
+        if not job.cancel():  # it has started
+            job.result()
 
 
 @cache

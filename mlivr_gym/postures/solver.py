@@ -81,6 +81,9 @@ LEAST_ALIKE = 10_000
 LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 """Minimum number of stances of two, and of more limbs that are computed in threads."""
 
+TOUCHING_IN_THREADS = 100
+"""Minimum number of postures that are compared with boxes in threads; each takes about 5 us."""
+
 
 class PostureSolver:
     """Postures of stances on a map, computed once for each relative geometry.
@@ -132,7 +135,7 @@ class PostureSolver:
         world, rows = self.surroundings(grid), QueryScratch.rows
         in_parallel(
             len(chosen), remove_touching_branches, chosen, postures, self.shapes.rows, world,
-            scratch_rows=rows,
+            scratch_rows=rows, least=TOUCHING_IN_THREADS,
         )  # fmt: skip
 
     @property

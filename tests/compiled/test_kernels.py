@@ -68,7 +68,7 @@ class Room(Record):
 @pytest.mark.parametrize("count", [0, 1, 2, 7, 5000])
 def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
     monkeypatch.setattr(kernels, "_cores", lambda: cores)
-    seen, made = np.zeros(count + 3, dtype=int), []
+    seen, made, sizes = np.zeros(count + 3, dtype=int), [], []
 
     def scratch_rows(number):
         made.append(Room.rows(number))
@@ -77,6 +77,7 @@ def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
     def visit(start, stop, target, scratch):
         assert scratch.shape == (1,)
         scratch[0]["visits"] += stop - start
+        sizes.extend([stop - start] * (stop > start))
         target[start:stop] += 1
 
     in_parallel(count, visit, seen, scratch_rows=scratch_rows, least=2)
@@ -85,11 +86,12 @@ def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
     (scratch,) = made
     assert len(scratch) == (min(cores, 8) if count >= 2 else 1) == workers(count, 2)
     assert scratch["visits"].sum() == count
-    assert np.ptp(scratch["visits"]) <= 1
+    if count >= 2 * cores:
+        assert max(sizes) - min(sizes) <= 1
 
 
 def test_each_thread_has_scratch_of_its_own(monkeypatch):
-    """Two threads at a time wait for each other in the middle of their work."""
+    """Two threads wait for each other in the middle of each piece of their work."""
     monkeypatch.setattr(kernels, "_cores", lambda: 2)
     meet, found = threading.Barrier(2, timeout=20.0), []
 
@@ -100,7 +102,7 @@ def test_each_thread_has_scratch_of_its_own(monkeypatch):
             found.append((start + 1, int(scratch[0]["visits"])))
 
     in_parallel(10, visit, scratch_rows=Room.rows, least=2)
-    assert sorted(found) == [(1, 1), (6, 6)]
+    assert sorted(found) == [(k, k) for k in (1, 2, 3, 4, 6, 7, 8, 9)]
 
 
 def test_an_error_in_a_thread_is_not_lost(monkeypatch):

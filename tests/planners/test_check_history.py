@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from small_tables import goal_at, searching, small_table_with_box
 
-from mlivr_gym.planners import check_history, search_stages, table_search
+from mlivr_gym.planners import check_history, label_search, search_stages, table_search
 from mlivr_gym.planners.check_history import CheckHistory, closest
-from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.costs import Cost, cost_weights
+from mlivr_gym.planners.label_search import SearchGraph
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.stances.obstacles import CELL_EDGE
 from mlivr_gym.stances.random_states import random_state
@@ -28,10 +29,19 @@ def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):
     failed, goal, *at_step = rng.choice(len(base), 4, replace=False).tolist()
     h[goal] = 0.0
     history = CheckHistory(lazy_table)
-    assert (history.ordered(h, Cost.named("steps")) == h).all()
+    steps = Cost.named("steps")
+    plain = SearchGraph(lazy_table.table, lazy_table.checked_edges, cost_weights(steps))
+
+    def ordered():
+        found = history.ordered(plain, steps)
+        keys = found.delays.added_to(h, np.arange(len(h)))
+        assert [label_search._estimate.py_func(found, h, s) for s in range(len(h))] == keys.tolist()
+        return keys
+
+    assert (ordered() == h).all()
     history.add_failures(np.array([failed, failed]))
-    history._at_steps = np.array(at_step)
-    keys = history.ordered(h, Cost.named("steps")).copy()
+    history._place[at_step] = len(history._penalty)
+    keys = ordered()
     others = np.setdiff1d(np.arange(len(base)), [goal, *at_step])
     late = keys[others] - 7.0
     expected = 2 * 0.5 * (1.0 - np.linalg.norm(base[others] - base[failed], axis=1) / 0.25)
@@ -42,7 +52,7 @@ def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):
     assert (keys[at_step] == 6.0).all()
     assert keys[goal] == 0.0
     assert history.relax()
-    halved = history.ordered(h, Cost.named("steps"))
+    halved = ordered()
     np.testing.assert_allclose(halved[others] - 7.0, late / 2.0, atol=1e-12)
 
 

@@ -8,6 +8,7 @@ import pytest
 from small_tables import COSTS, every_pair, small_table
 
 from mlivr_gym import Box, stance_graph
+from mlivr_gym.compiled import kernels
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner, table_search
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
@@ -60,7 +61,9 @@ def lengths(known, goal, taken, ends=None):
 
 @pytest.mark.parametrize("farther", [0, 1, 1000])
 @pytest.mark.parametrize("seed", range(4))
-def test_fewest_steps_are_those_of_networkx(known, seed, farther):
+def test_fewest_steps_are_those_of_networkx(known, seed, farther, monkeypatch):
+    monkeypatch.setattr(kernels, "_cores", lambda: 1 + seed)
+    monkeypatch.setattr("mlivr_gym.planners.fewest_steps.LEAST_IN_THREADS", 2)
     table = known[1]
     graph = known[0]
     rng, count = np.random.default_rng(seed), len(table.points)
