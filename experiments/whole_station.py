@@ -107,7 +107,12 @@ def medians(figures: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the figures of a plan, of several runs their medians and all wall times."""
     if len(figures) == 1:
         return figures[0]
-    middle = {name: statistics.median_low(run[name] for run in figures) for name in figures[0]}
+    middle = {
+        name: (statistics.median if isinstance(one, float) else statistics.median_low)(
+            run[name] for run in figures
+        )
+        for name, one in figures[0].items()
+    }
     return middle | {"walls_s": sorted(run["wall_s"] for run in figures)}
 
 
