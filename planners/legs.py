@@ -3,7 +3,8 @@
 A search of more than two limbs is led by the distance to the goal, and spends itself where the way
 there is not straight, as round the corners of a station. Along a route each leg is short. A leg
 that is not found within its effort is halved; if its first part is not found either, the leg before
-it is given up for a longer one (backtracking). Neither a path nor a failure proves anything.
+it is given up for a longer one (backtracking). A path is not the best one, and failed legs prove
+nothing. If none leads away from the start, the search for the goal at once tells why.
 """
 
 from __future__ import annotations
@@ -49,8 +50,11 @@ class Stop:
 
 def search_by_legs(
     graph: StanceGraph, search: SearchQuery, start: State, find: Find
-) -> SearchResult:
-    """Search from a state along the route of a query, each leg by `find`."""
+) -> SearchResult | None:
+    """Search from a state along the route of a query, each leg by `find`, which is as this one.
+
+    Returns None if no sequence of moves connects the state with the goal, see `GraphSearcher.find`.
+    """
     base, target = graph.posture_of(start).base_position, search.goal.target[None]
     route = np.concatenate([base, np.reshape([*(search.route or ())], (-1, 3)), target])
     along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(route, axis=0), axis=1)))
@@ -74,6 +78,8 @@ def search_by_legs(
         failed += 1
         is_over = expanded >= search.limit or time.perf_counter() >= search.deadline
         if is_over or failed > MOST_FAILED:
+            if len(stops) == 1 and not is_over:
+                return find(_leg(search, None, search.limit), start)
             counts = expanded, generated, np.concatenate(trees)
             return SearchResult(LIMIT_REACHED, (start,), 0.0, *counts)
         if length > SHORTEST:

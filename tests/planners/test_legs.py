@@ -95,6 +95,18 @@ def test_a_search_along_a_route_ends(limit):
     assert len(tried) == limit if limit == 7 else legs.MOST_FAILED < len(tried) < 200
 
 
+def test_a_start_from_which_no_moves_lead_is_told(graph):
+    """As without a route, by a search for the goal at once."""
+    planner, far = Planner(graph), (*GOAL[:2], 0.42)
+    graph.occupy([point for point in graph.grasp_map.ids if point not in START])
+    try:
+        found, once = planner.plan(START, far, "steps", route=[PLACE]), planner.plan(START, far)
+    finally:
+        graph.vacate()
+    assert (found.reason, found.message) == (once.reason, once.message)
+    assert found.plan is None
+
+
 @pytest.mark.parametrize(
     ("options", "error", "text"),
     [
