@@ -118,9 +118,11 @@ def quick(monkeypatch, tmp_path):
     def stopped(*_, **__):
         raise SimulationError("not carried out here")
 
+    # Where they are used, since a module that is first imported now would keep what replaces them.
+    monkeypatch.setattr("mlivr_gym.closed_loop.cargo_mission.execute", stopped)
     monkeypatch.setattr("mlivr_gym.simulation.execution.execute", stopped)
     monkeypatch.setattr("mlivr_gym.agents.training.train", stopped)
-    monkeypatch.setattr("mlivr_gym.agents.evaluation.evaluate", stopped)
+    monkeypatch.setattr("mlivr_gym.cli.evaluate.evaluate", stopped)
     monkeypatch.setattr("mlivr_gym.agents.dataset._make_collector", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
