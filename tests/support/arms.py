@@ -1,5 +1,7 @@
 """Arms of all families by name, and what Pinocchio says of them."""
 
+from functools import cache
+
 import numpy as np
 import oracle
 import station_arm
@@ -9,7 +11,6 @@ from compiled import called
 from held_paths import GRIP, MOUNT, ORIGIN, TOOL, path_between, random_ends
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics import spherical_wrist, ur
 from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
 from mlivr_gym.kinematics.families import forward_kinematics, link_frames
@@ -17,25 +18,30 @@ from mlivr_gym.kinematics.families import forward_kinematics, link_frames
 ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 """The arm of a space station is of the form of the UR arms once its first joint is locked."""
 
-MODELS = {
-    name: oracle.pinocchio_arm(limb)
-    if limb.family_code == UR
-    else wrist_arms.pinocchio_wrist_arm(limb)
-    for name, limb in ARMS.items()
-}
+
+@cache
+def known(limb):
+    """Pinocchio's model of an arm, and the lengths of its closed form."""
+    made = oracle.pinocchio_arm if limb.family_code == UR else wrist_arms.pinocchio_wrist_arm
+    return made(limb), limb.lengths
 
 
-def truth(name, q):
+def truth(limb, q):
     """Flange pose, its Jacobian to the joints that move, and to all joints, by Pinocchio."""
-    if ARMS[name].family_code != UR:
-        return wrist_arms.flange_of(MODELS[name], ARMS[name], q)
-    pose, jacobian = oracle.flange(MODELS[name], q)
+    if limb.family_code != UR:
+        return wrist_arms.flange_of(known(limb)[0], limb, q)
+    pose, jacobian = oracle.flange(known(limb)[0], q)
     return pose, jacobian, jacobian
+
+
+def jacobian(limb, q):
+    """Jacobian of the flange to the joints that move, by Pinocchio."""
+    return truth(limb, q)[1]
 
 
 def frames(limb, q):
     """Frames 0 to 6 of the closed form, shape (7, 4, 4)."""
-    return forward_kinematics(q, limb.lengths, limb.family_code)
+    return forward_kinematics(q, known(limb)[1], limb.family_code)
 
 
 def frames_at(arm, q):
@@ -43,15 +49,6 @@ def frames_at(arm, q):
     out = np.empty((7, 4, 3))
     called(link_frames)(arm, q, out)
     return out
-
-
-def jacobian(limb, q):
-    """Jacobian of the closed form to the joints that move."""
-    if limb.family_code == SPHERICAL_SHOULDER:
-        every = frames(limb, q)
-        axes, origins = every[1:, :3, 2], every[1:, :3, 3]
-        return np.vstack([np.cross(axes, every[6, :3, 3] - origins).T, axes.T])
-    return (ur if limb.family_code == UR else spherical_wrist).jacobian(q, limb.lengths)
 
 
 def turned(a, b):

@@ -1,5 +1,7 @@
 """Joint angles and Jacobians of an arm on its branches, as the kernels give them."""
 
+from functools import cache
+
 import numpy as np
 from compiled import called
 from scipy.spatial.transform import Rotation
@@ -19,8 +21,9 @@ def flange_axis(pose):
     return FlangeAxis(triple(pose[:3, 3]), triple(pose[:3, 2]))
 
 
+@cache
 def arm_of(limb):
-    """The arm of a limb as compiled code reads it."""
+    """The arm of a limb as compiled code reads it; all who ask for it share it."""
     out = Arm.row()
     set_arm(out, limb.lengths, limb.windows, limb.family_code)
     return out
@@ -48,8 +51,9 @@ def flanges_nearby(limb, frame, change, rng, count=40):
     """Flange poses whose wrist and axis are as far from those of a frame as told [m, rad]."""
     far, angle = change
     place, axes = frame[:3, 3], frame[:3, :3]
-    for _ in range(count):
-        aside, about = rng.normal(size=3), np.cross(axes[:, 2], rng.normal(size=3))
-        turned = Rotation.from_rotvec(angle * about / np.linalg.norm(about)).as_matrix() @ axes
-        wrist = place - limb.d6 * axes[:, 2] + far * aside / np.linalg.norm(aside)
-        yield wrist + limb.d6 * turned[:, 2], turned
+    aside, about = rng.normal(size=(2, count, 3))
+    about = np.cross(axes[:, 2], about)
+    aside, about = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (aside, about))
+    turned = Rotation.from_rotvec(angle * about).as_matrix() @ axes
+    wrists = place - limb.d6 * axes[:, 2] + far * aside
+    return zip(wrists + limb.d6 * turned[:, :, 2], turned, strict=True)

@@ -20,10 +20,6 @@ SIX = SphericalWristLimb(
     joint_limits=WIDE,
 )  # fmt: skip
 """Lengths of a small industrial robot (ABB IRB 120), with every offset that the form has."""
-PUMA = SphericalWristLimb(
-    d1=0.66, a1=0.0, d2=0.149, a2=0.432, a3=-0.02, d4=0.432, d6=0.056, held_joint=None,
-    joint_limits=WIDE,
-)  # fmt: skip
 WAM = SphericalWristLimb(
     d1=0.0, a2=0.55, b2=0.045, a3=-0.045, d4=0.3, d6=0.06,
     joint_limits=((-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.8, 1.3), (-1.6, 1.6),
@@ -42,10 +38,8 @@ GEN3 = SphericalWristLimb(
 """Lengths of a Kinova Gen3 in the maker's DH parameters: axis 3 lies beside axis 1."""
 LIMBS = {
     "iiwa": IIWA,
-    "iiwa-rolled": replace(IIWA, held_angle=0.7),
     "iiwa-across": replace(IIWA, held_angle=-0.5 * np.pi),
     "six": SIX,
-    "puma": PUMA,
     "gen3": GEN3,
     "franka": FRANKA,
 }
