@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from copy import copy
 from typing import Any
 
 import coal
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, GraspMap
 from mlivr_gym.arrays import Array
@@ -18,7 +18,7 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.scene import scene_spec, set_configuration
+from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 REQUEST = coal.DistanceRequest()
@@ -48,7 +48,10 @@ def capsule(radius: float, start: Array, end: Array) -> Placed:
     length = float(np.linalg.norm(along))
     turn = np.eye(3)
     if length > 1e-6:
-        turn = Rotation.align_vectors([along / length], [[0.0, 0.0, 1.0]])[0].as_matrix()
+        # A reflection that exchanges the z axis and the capsule's, with another axis reversed.
+        out = along / length - (0.0, 0.0, 1.0)
+        turn -= 2.0 * np.outer(out, out) / max(out @ out, 1e-300)
+        turn[:, 0] *= -1.0 if out.any() else 1.0
     return coal.Capsule(float(radius), length), coal.Transform3s(turn, 0.5 * (start + end))
 
 
@@ -83,7 +86,7 @@ class Ruler:
         names = [self.model.geom(g).name for g in range(self.model.ngeom)]
         parts = ("body", "limb")
         self.shapes = {g: name for g, name in enumerate(names) if name.startswith(parts)}
-        self.geoms, self.radii = {}, {}
+        self.geoms, self.radii = {}, np.zeros(self.model.ngeom)
         for g, name in self.shapes.items():
             size = self.model.geom_size[g]
             cube = name == "body"
@@ -92,13 +95,22 @@ class Ruler:
             self.radii[g] = np.linalg.norm(size) if cube else size[0] + size[1]
         compared = mujoco_pairs(self.model)
         pairs = itertools.combinations(self.shapes, 2)
-        self.pairs = [(a, b) for a, b in pairs if tuple(sorted((names[a], names[b]))) in compared]
+        some = [pair for pair in pairs if tuple(sorted(names[g] for g in pair)) in compared]
+        self.pairs, self.beside_boxes = np.array(some), np.array(list(self.shapes))
         self.among(boxes)
+
+    def only(self, compared: Callable[[str, str], bool]) -> Ruler:
+        """Return a ruler of the pairs that are compared by name, those with `"box"` among them."""
+        names, other = self.shapes, copy(self)
+        some = [(a, b) for a, b in self.pairs.tolist() if compared(names[a], names[b])]
+        other.pairs = np.array(some, dtype=int).reshape(-1, 2)
+        other.beside_boxes = np.array([g for g in names if compared(names[g], "box")], dtype=int)
+        return other
 
     def among(self, boxes: Sequence[Box]) -> Ruler:
         """Replace the boxes; return the ruler."""
         self.boxes, self.solids = tuple(boxes), [solid(box) for box in boxes]
-        self.bounds = np.array([box.bounds for box in boxes]).reshape(-1, 2, 3)
+        self.bounds = np.array([box.bounds for box in boxes]).reshape(-1, 2, 3).swapaxes(0, 1)
         return self
 
     def measured(
@@ -109,20 +121,24 @@ class Ruler:
         Left out are pairs that MuJoCo leaves out, and grippers with what lies behind the surface
         they are at.
         """
-        set_configuration(self.model, self.data, *configuration)
-        where, turned = self.data.geom_xpos.copy(), self.data.geom_xmat.reshape(-1, 3, 3).copy()
-        placed = {g: (self.geoms[g], coal.Transform3s(turned[g], where[g])) for g in self.shapes}
-        found = []
-        for a, b in self.pairs:
-            if np.linalg.norm(where[a] - where[b]) < self.radii[a] + self.radii[b] + below:
-                found.append((apart(placed[a], placed[b]), self.shapes[a], self.shapes[b]))
-        at_grasp = {f"limb{limb}/gripper": (point, normal) for limb, point, normal in grasps}
-        for g, name in self.shapes.items():
-            away = where[g] - np.clip(where[g], self.bounds[:, 0], self.bounds[:, 1])
-            for k in np.flatnonzero((away**2).sum(axis=1) < (self.radii[g] + below) ** 2):
-                grasp = at_grasp.get(name.rsplit("/", 1)[0])
-                if grasp is None or not behind(self.boxes[k], *grasp):
-                    found.append((apart(placed[g], self.solids[k]), name, self.boxes[k].id))
+        position, quaternion, joints = configuration
+        self.data.qpos[:] = np.concatenate([position, quaternion, np.ravel(joints)])
+        mujoco.mj_kinematics(self.model, self.data)
+        where, turned = self.data.geom_xpos, self.data.geom_xmat.reshape(-1, 3, 3)
+        away = np.linalg.norm(where[self.pairs[:, 0]] - where[self.pairs[:, 1]], axis=1)
+        close = self.pairs[away < self.radii[self.pairs].sum(axis=1) + below].tolist()
+        centres = where[self.beside_boxes, None]
+        away = np.linalg.norm(centres - np.clip(centres, *self.bounds), axis=2)
+        around = np.argwhere(away < self.radii[self.beside_boxes, None] + below)
+        around[:, 0] = self.beside_boxes[around[:, 0]]
+        used = {*itertools.chain(*close), *around[:, 0].tolist()}
+        placed = {g: (self.geoms[g], coal.Transform3s(turned[g], where[g])) for g in used}
+        names, at_grasp = self.shapes, {f"limb{limb}/gripper": rest for limb, *rest in grasps}
+        found = [(apart(placed[a], placed[b]), names[a], names[b]) for a, b in close]
+        for g, k in around.tolist():
+            grasp = at_grasp.get(names[g].rsplit("/", 1)[0])
+            if grasp is None or not behind(self.boxes[k], *grasp):
+                found.append((apart(placed[g], self.solids[k]), names[g], self.boxes[k].id))
         return sorted(entry for entry in found if entry[0] < below)
 
 

@@ -29,7 +29,7 @@ def test_all_along_plans_coal_finds_the_clearance(jem, checked_graph, robot, pla
     rng, ruler, planner = np.random.default_rng(5), Ruler(graph.robot, jem.boxes), Planner(graph)
     found = []
     for n in range(plans):
-        start, goal = sample_task(graph, rng, 1.0)
+        start, goal = sample_task(graph, rng, 0.7)
         cost = ("base", "steps")[n % 2] if graph.limbs == 2 else "weighted"
         price = {} if graph.limbs == 2 else {"regrasp_price": 0.2}
         plan = planner.plan(start.stance, goal, cost, **price).unwrap()

@@ -152,7 +152,7 @@ def test_all_along_plans_coal_finds_the_clearance_of_meshes_and_clouds(
             along = sampled(graph, planner.plan(START, GOAL, "steps").unwrap(), 12)
         finally:
             graph.remove_obstacles()
-        assert min(distance_of_robot(here, truth) for here, _ in before) < 0.0
+        assert any(distance_of_robot(here, truth) < 0.0 for here, _ in before[65:])
         gaps.append(min(distance_of_robot(here, truth) for here, _ in along))
     # One comes so close that the clearance is decisive.
     assert CLEARANCE - ROUNDING <= min(gaps) < CLEARANCE + largest_excess(truth.resolution)

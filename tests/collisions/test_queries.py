@@ -8,7 +8,7 @@ from coal_ruler import Ruler, grasps_of, obstacles
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
-from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.collisions.contacts import box_distances
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.transitions.state import State
 
@@ -75,15 +75,19 @@ def test_only_what_is_flush_with_a_surface_lies_behind_a_grasp(small_checked_gra
         assert np.array_equal(before, after) if held else not after.all(axis=1).any()
 
 
-def close_to(graph, s, limb, branch, box, clearance):
-    """Return limb, if any, and link of the shapes close to a box, a limb on a given branch."""
+def close_to(graph, s, limb, branch, box):
+    """Yield limb (-1 for the body) and link of shapes near a box, a limb on a given branch.
+
+    Each comes with its distance [m].
+    """
     stance = tuple(graph.points[s].tolist())
     bits = [1 << int(branch_sets).bit_length() - 1 for branch_sets in graph.branch_sets[s]]
     bits[limb] = 1 << branch
     here = graph.configuration(State(stance, tuple(bits)))
-    found = contacts(ROBOT, (box,), here, clearance, grasps_of(graph, enumerate(stance)))
-    names = [contact.first.split("/") for contact in found if contact.second == "box/rod"]
-    return {(int(name[0][4:]), name[1]) if len(name) > 1 else (-1, "body") for name in names}
+    grasps = grasps_of(graph, enumerate(stance))
+    for name, _, away in box_distances(ROBOT, (box,), here, CLEARANCE + 0.03, grasps):
+        parts = name.split("/")
+        yield (int(parts[0][4:]), parts[1], away) if len(parts) > 1 else (-1, "body", away)
 
 
 def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_graph):
@@ -102,12 +106,14 @@ def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_
         box = rod(place, Rotation.random(rng=rng).as_matrix(), 0.03, rng.uniform(0.02, 0.2))
         expected, whole, about = list(before), False, False
         for i, b in ((i, b) for i in (0, 1) for b in range(8) if before[i] & 0x101 << b):
-            found = close_to(graph, s, i, b, box, CLEARANCE)
+            near = list(close_to(graph, s, i, b, box))
+            found = {(k, link) for k, link, away in near if away < CLEARANCE}
             if any(k == i and link != "base" for k, link in found):
                 expected[i] &= ~(0x101 << b)
             whole |= any(link in ("body", "base", *on_axis) for _, link in found)
-            more = close_to(graph, s, i, b, box, CLEARANCE + 0.03)
-            about |= any(link in ("body", "base") for _, link in more)
+            about |= any(
+                link in ("body", "base") for _, link, away in near if away < CLEARANCE + 0.03
+            )
         with obstacles(graph, box):
             after = graph.branch_sets[s].tolist()
         assert after == ([0, 0] if whole else expected) or (about and after == [0, 0])
