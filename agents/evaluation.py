@@ -168,6 +168,6 @@ def bootstrap(values: Array) -> tuple[float, float]:
     if not len(values):
         return float("nan"), float("nan")
     rng = np.random.default_rng(0)
-    drawn = [values[rng.integers(len(values), size=len(values))].mean() for _ in range(1000)]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    drawn = values[rng.integers(len(values), size=(1000, len(values)))]
+    low, high = np.percentile(drawn.mean(axis=1), (2.5, 97.5))
     return float(low), float(high)

@@ -5,6 +5,7 @@ Symlinked folders make this worth guarding.
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -21,14 +22,23 @@ from mlivr_gym import __version__
 ROOT = Path(__file__).parent.parent
 
 
+def build(root, out, *what):
+    """Build files of a folder, with the setuptools that PyTorch brings, not one to be fetched."""
+    command = [sys.executable, "-m", "build", "--no-isolation", *what, "--outdir", str(out)]
+    subprocess.run([*command, str(root)], check=True, capture_output=True)
+
+
 @pytest.fixture(scope="module")
 def built(tmp_path_factory):
-    out = tmp_path_factory.mktemp("dist")
-    # With the setuptools that PyTorch brings, not with one that is fetched three times.
-    command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out)]
-    subprocess.run([*command, "--wheel", str(ROOT)], check=True, capture_output=True)
+    """Those of a copy in which large files are empty, since it takes long to pack them thrice."""
+    out, root = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("copy") / "root"
+    needless = (".*", "__pycache__", "build", "*.egg-info", "docs", "results", "tests")
+    shutil.copytree(ROOT, root, symlinks=True, ignore=shutil.ignore_patterns(*needless))
+    for path in (root / "envs_assets").iterdir():
+        path.write_bytes(b"" if path.suffix in {".npz", ".pt", ".zip"} else path.read_bytes())
+    build(root, out, "--wheel")
     tree = next(out.glob("*.whl")).rename(out / "tree.zip")
-    subprocess.run([*command, str(ROOT)], check=True, capture_output=True)
+    build(root, out)
     return tree, next(out.glob("*.whl")), next(out.glob("*.tar.gz"))
 
 
@@ -65,9 +75,10 @@ def test_the_sdist_has_no_links_out_of_itself(built):
 
 
 @pytest.mark.slow
-def test_an_installed_wheel_plans(built, tmp_path):
-    target = tmp_path / "site"
-    line = f"-m pip install --quiet --no-deps --target {target} {built[1]}"
+def test_an_installed_wheel_plans(tmp_path):
+    build(ROOT, tmp_path, "--wheel")
+    target, wheel = tmp_path / "site", next(tmp_path.glob("*.whl"))
+    line = f"-m pip install --quiet --no-deps --target {target} {wheel}"
     subprocess.run([sys.executable, *line.split()], check=True, capture_output=True)
     code = (
         f"import sys; sys.path.insert(0, {str(target)!r})\n"
@@ -88,33 +99,6 @@ def test_bare_folders_refuse_to_be_imported(name):
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode != 0
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: import mlivr_gym.{name}:")
-
-
-TRUTH = {"coal", "pinocchio"}
-"""What results are compared with in tests and experiments, and what nothing else may need."""
-
-EVERYTHING = f"""
-import sys
-for name in {sorted(TRUTH)}:
-    sys.modules[name] = None
-import importlib, pkgutil
-import mlivr_gym
-for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
-    try:
-        importlib.import_module(module.name)
-    except ModuleNotFoundError as error:
-        if error.name.split(".")[0] in {sorted(TRUTH)} + ["mlivr_gym"]:
-            raise
-from mlivr_gym import stance_graph
-from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.execution import execute
-graph = stance_graph()
-start = ("D2a:4", "D2b:4")
-goal = graph.successors(graph.state(start)).base_position[-1]
-plan = Planner(graph).plan(start, goal.tolist(), "steps", goal_tolerance=0.01).unwrap()
-execution = execute(graph, plan)
-assert len(execution.captures) == len(plan.steps) > 0 and execution.failure is None
-"""
 
 
 def requirements(names):
@@ -142,13 +126,6 @@ def test_extras_bring_what_they_need(project):
     assert Version("4.0.0") not in extras["dm"]["mujoco"].specifier
     assert Version("2.7.1") not in extras["agents"]["torch"].specifier
     assert {"pin", "coal"} <= set(extras["dev"])
-
-
-def test_everything_imports_plans_and_simulates_without_the_truth():
-    done = subprocess.run(
-        [sys.executable, "-c", EVERYTHING], cwd=ROOT, capture_output=True, text=True, check=False
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.fixture(scope="module")

@@ -84,8 +84,8 @@ def known_modules():
 
 
 @cache
-def imports_of(path):
-    """Modules of the project that a file imports anywhere, for types alone too."""
+def all_imports_of(path):
+    """Modules, and what is taken from them, that a file imports anywhere, for types alone too."""
     found = set()
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
@@ -94,6 +94,12 @@ def imports_of(path):
             assert node.level == 0, f"{path}: relative import"
             found.add(node.module)
             found.update(f"{node.module}.{alias.name}" for alias in node.names)
+    return found
+
+
+def imports_of(path):
+    """Modules of the project that a file imports."""
+    found = all_imports_of(path)
     inside = {name.removeprefix("mlivr_gym.") for name in found if name.startswith("mlivr_gym.")}
     return inside & known_modules()
 
@@ -166,6 +172,15 @@ def test_an_arm_is_asked_through_its_family_alone():
     forms = {f"kinematics.{form}{part}" for form in names for part in ("", "_bounds")}
     asking = {module_of(path) for path in sources() if forms & imports_of(path)}
     assert asking - forms == {"kinematics.families"}
+
+
+def test_what_results_are_compared_with_is_needed_by_tests_and_experiments_alone():
+    """Nor is it named for an import by its name."""
+    for path in sources():
+        if not path.is_relative_to(ROOT / "experiments"):
+            names = {name.split(".")[0] for name in all_imports_of(path)}
+            words = {n.value for n in ast.walk(tree_of(path)) if isinstance(n, ast.Constant)}
+            assert not {"coal", "pinocchio", "ssik"} & (names | words), path
 
 
 def test_no_circle():

@@ -179,7 +179,7 @@ def test_points_that_a_user_occupies_are_the_layout_of_the_next_episode(env):
     assert found.success.all()
 
 
-def test_what_the_environment_cannot_do_is_refused(small_map):
+def test_what_the_environment_cannot_do_is_refused(small_map, env):
     given = {"map": small_map, "collisions": False}
     with pytest.raises(SettingError, match="tasks is WalkTasks"):
         UnknownMapEnv(tasks="walk", **given)
@@ -190,7 +190,6 @@ def test_what_the_environment_cannot_do_is_refused(small_map):
             UnknownMapEnv(**given | wrong)
     with pytest.raises(SettingError, match="look_cost"):
         UnknownMapEnv(look_cost=-1.0, **given)
-    env = UnknownMapEnv(**given)
     env.reset(seed=0)
     with pytest.raises(SettingError, match=str(env.action_space.n)):
         env.step(env.action_space.n)

@@ -46,7 +46,7 @@ def graph(jem):
 def record(graph):
     """A walk of two steps, in the second of which it sees more of the bag."""
     HITS.clear()
-    camera = WatchedCamera(period=0.5)
+    camera = WatchedCamera(period=0.5, pixels=40)
     return run_closed_loop(
         graph, START, GOAL, unknown=[BAG], camera=camera, max_steps=2, filmed=True
     )
@@ -139,7 +139,7 @@ def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record
             last = [event for event in record.events if event.time <= time][-1]
             assert news.endswith(last.line)
     assert drawn[-1][2] == (
-        "14 s of 14 s (x25), 2 steps",
+        f"{record.duration:.0f} s of {record.duration:.0f} s (x25), 2 steps",
         "stopped: no arrival within 2 attempted steps",
     )
 
@@ -195,7 +195,9 @@ def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
 
 def test_a_film_that_would_not_fit_into_memory_is_refused(graph, record, tmp_path, monkeypatch):
     monkeypatch.setattr("mlivr_gym.pictures.film.MAX_FRAMES", 100)
-    with pytest.raises(RenderError, match="142 frames, more than 100; choose a higher speed"):
+    begin, *_, end = record.footage.recording.times
+    count = len(np.arange(begin, end, 2.5 / 25.0)) + 1
+    with pytest.raises(RenderError, match=f"{count} frames, more than 100; choose a higher speed"):
         closed_loop_film(graph, record, tmp_path / "walk.gif", speed=2.5)
 
 

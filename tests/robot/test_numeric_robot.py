@@ -31,7 +31,7 @@ def robot(tmp_path_factory):
 def test_a_robot_solved_numerically_walks_in_mujoco(robot):
     """Over part of a module, in contact with nothing there."""
     jem = jem_map()
-    graph = stance_graph(jem.subset(np.abs(jem.positions[:, 0] - 2.6) < 1.2), robot)
+    graph = stance_graph(jem.subset(np.abs(jem.positions[:, 0] - 2.6) < 0.8), robot)
     plan = Planner(graph).plan(("A2a:0", "A3a:5"), (2.499, -0.576, -0.298), "steps").unwrap()
     assert len(plan.steps) >= 2
     check_motion(plan.query, plan.world, plan.motion, graph.grasp_map)

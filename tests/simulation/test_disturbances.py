@@ -137,7 +137,7 @@ def test_gains_for_a_delay_hold_where_those_without_it_swing_up(checked_graph, p
 
 
 def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph, plan):
-    setup, step = Setup(GENTLE, disturbances=ALL), first_steps(plan, 1)
+    setup, step = Setup(disturbances=ALL), first_steps(plan, 1)
     alone = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=1))
     spread = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=2))
     assert alone == spread

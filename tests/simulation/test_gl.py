@@ -72,7 +72,7 @@ def test_the_environment_steps_and_does_not_render(folder):
 def test_what_mujoco_knows_is_taken(folder):
     """Or a library that is missing is told."""
     assert {"", "egl", "glfw"} <= ALIASES | set(BACKENDS)
-    done = run(folder, " EGL ", "-c", "import mlivr_gym.simulation.simulator")
+    done = run(folder, " EGL ", "-c", "import mlivr_gym.simulation.gl")
     assert done.returncode == 0 or "cannot render with MUJOCO_GL" in done.stderr
 
 

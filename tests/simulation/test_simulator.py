@@ -161,7 +161,7 @@ def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
             jem, plan.world.robot, Physics(timestep=timestep), controller=FEEDFORWARD
         )
         recording = execute(
-            checked_graph, plan, Limits(step_duration=20.0), simulation=simulation
+            checked_graph, plan, Limits(step_duration=10.0), simulation=simulation
         ).recording
         limb = 1 - plan.steps[0].limb
         tool = simulation.data.site(f"limb{limb}/anchor").xmat.reshape(3, 3)

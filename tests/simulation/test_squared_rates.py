@@ -7,17 +7,20 @@ from mlivr_gym.simulation.squared_rates import RATIOS, SquaredLoads, reduce_squa
 
 def test_between_two_nodes_b_is_the_largest_that_all_loads_allow():
     """One node lies between two whose b is given; the spacing on both sides of it differs."""
-    rng, grid = np.random.default_rng(0), np.linspace(0.0, 40.0, 400_001)
+    rng = np.random.default_rng(0)
     for _ in range(20):
         u, v = rng.normal(size=(2, 3, 5, 3)) * rng.uniform(0.02, 1.0, size=(2, 1, 5, 1))
         sigmas, squares = np.array([0.0, rng.uniform(0.2, 0.8), 1.0]), np.array([0.02, 40.0, 0.01])
         loads = SquaredLoads((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
         rates = 0.5 / np.diff(sigmas)
-        start = u[0, :, :, None] * rates[0] * (grid - squares[0]) + v[0, :, :, None] * squares[0]
-        end = u[1, :, :, None] * rates[1] * (squares[2] - grid) + v[1, :, :, None] * grid
+        first, last, largest = squares[0], squares[2], 0.0
         reduce_squares(loads, RATIOS, sigmas, squares)
-        both = np.maximum(np.linalg.norm(start, axis=1), np.linalg.norm(end, axis=1))
-        largest = grid[(both <= 1.0).all(axis=0)].max()
+        for grid in (np.linspace(0.0, 40.0, 4001), np.linspace(0.0, 0.01, 101)):
+            b = largest + grid
+            start = u[0, :, :, None] * rates[0] * (b - first) + v[0, :, :, None] * first
+            end = u[1, :, :, None] * rates[1] * (last - b) + v[1, :, :, None] * b
+            both = np.maximum(np.linalg.norm(start, axis=1), np.linalg.norm(end, axis=1))
+            largest = b[(both <= 1.0).all(axis=0)].max()
         np.testing.assert_allclose(squares, [0.02, largest, 0.01], atol=2e-4)
 
 

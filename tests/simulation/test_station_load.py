@@ -22,7 +22,7 @@ def simulation(jem, plan):
 
 @pytest.fixture(scope="module")
 def walked(checked_graph, plan, simulation):
-    return execute(checked_graph, plan, Limits(step_duration=20.0), simulation=simulation)
+    return execute(checked_graph, plan, Limits(step_duration=10.0), simulation=simulation)
 
 
 def test_the_station_gains_the_momentum_that_the_robot_loses(walked, simulation, plan):

@@ -1,5 +1,7 @@
 """Entries of map files, and a small map of a wall."""
 
+from functools import cache
+
 import numpy as np
 
 from mlivr_gym.world.grasp_map import jem_map
@@ -27,6 +29,7 @@ LADDER = {
 """A user's own map: three short rails on a floor."""
 
 
+@cache
 def few_of_a_wall(count):
     """Some points of the JEM's forward wall."""
     jem = jem_map()
