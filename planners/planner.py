@@ -9,16 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.errors import PlanError, SettingError, StanceError
 from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_parts import Statistics, World
+from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.failed_joint_starts import plan_with_failed_joints
 from mlivr_gym.planners.failed_joints import FailedJoint, Start
-from mlivr_gym.planners.outcome import GOAL_REACHED
+from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
     NO_SWING,
@@ -38,9 +38,10 @@ from mlivr_gym.planners.query import (
     Goal,
     SearchQuery,
 )
-from mlivr_gym.planners.refinement import refined
+from mlivr_gym.planners.refinement import check_fits, refined
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.planners.why_not import Cause, find_cause
+from mlivr_gym.schema import Integer
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -253,6 +254,10 @@ class Planner:
         if result.status != GOAL_REACHED:
             message = why_no_path(self.graph, result, search, start_state)
             return without_plan(result.status, message, timer, result)
+        return self._committed(search.record, result, timer)
+
+    def _committed(self, query: Query, result: SearchResult, timer: Timer) -> PlanningResult:
+        """Return the plan of a path that was found, or that one of its steps has no swing."""
         committed = committed_motion(self.graph, result.states, None, self._committed_steps)
         if committed.motion is None:
             message = no_swing(self.graph, *result.states[committed.failed or 0 :][:2])
@@ -262,11 +267,55 @@ class Planner:
         statistics = Statistics(
             result.cost, result.expanded, result.generated, *times, result.backward_expanded, bound
         )
-        plan = Plan(search.record, World.of(self.graph), committed.motion, statistics)
+        plan = Plan(query, World.of(self.graph), committed.motion, statistics)
         return PlanningResult(
             plan, "", f"{len(plan.steps)} steps, {plan.base_translation:.3f} m",
             result.expanded, result.generated, *times, result.tree, result.improvements,
         )  # fmt: skip
+
+    @checked({**QUERY, "taken": Integer(0, EXPANSIONS), "state": InstanceOf(State)})
+    def remainder(self, plan: Plan, taken: int, state: State) -> PlanningResult | None:
+        """Return what remains of a plan in the present world, without a search.
+
+        Its steps are checked among the obstacles and occupied points of now, with the postures of
+        the graph, and committed to branches and swings that are clear of them.
+
+        Parameters
+        ----------
+        plan
+            A plan for the map and the robot of the graph.
+        taken
+            Number of its steps that were taken.
+        state
+            The present state, in the stance to which these lead.
+
+        Returns
+        -------
+        PlanningResult | None
+            The rest of the plan; None if a step of it is not possible any more.
+
+        Raises
+        ------
+        PlanError
+            If the plan was made for another map or robot, or has fewer steps than were taken.
+        """
+        check_fits(self.graph, plan)
+        if taken > len(plan.steps):
+            raise PlanError(f"taken is {taken}; the plan has {len(plan.steps)} steps")
+        timer, graph = Timer(), self.graph
+        here, *stances = (graph.indices(stance) for stance in plan.stances[taken:])
+        if here != state.stance:
+            return None
+        states = graph.states_along(state, stances)
+        if len(states) <= len(stances):
+            return None
+        positions = graph.postures_of(states).base_position
+        timer.search = timer.lap()
+        path = SearchResult(
+            GOAL_REACHED, states, plan.query.cost_of(positions), 0, 0, np.zeros((0, 2, 3))
+        )
+        found = self._committed(plan.query, path, timer)
+        return found if found.plan is not None else None
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:

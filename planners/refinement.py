@@ -161,16 +161,21 @@ Poses = list[tuple[Array, Array]]
 """Base positions, shape (k, 3) [m], and rotations, shape (k, 3, 3), for each stance."""
 
 
+def check_fits(graph: StanceGraph, plan: Plan) -> None:
+    """Raise a `PlanError` if a plan was made for another map or robot than a graph."""
+    plan.check_map(graph.grasp_map)
+    if plan.world.robot != graph.robot:
+        raise PlanError(
+            f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
+            f"{graph.robot.name!r} of this graph"
+        )
+
+
 class _Footholds:
     """The stances of a plan, with the poses and branches that are fixed."""
 
     def __init__(self, graph: StanceGraph, plan: Plan) -> None:
-        plan.check_map(graph.grasp_map)
-        if plan.world.robot != graph.robot:
-            raise PlanError(
-                f"the plan was made for robot {plan.world.robot.name!r}, which is not the "
-                f"{graph.robot.name!r} of this graph"
-            )
+        check_fits(graph, plan)
         self.graph, self.plan, self.query = graph, plan, plan.query
         self.stances = [graph.indices(stance) for stance in plan.stances]
         motion = plan.motion

@@ -64,14 +64,12 @@ class FollowedPath(NamedTuple):
         is_valid = search.goal.key == self.goal and graph.has_all_since(self.version)
         if place is None or not is_valid:
             return None
-        states = [start]
-        for after in self.states[place + 1 :]:
-            state = graph.step_to(states[-1], after.stance)
-            if state is None:
-                return None
-            states.append(state)
+        stances = [after.stance for after in self.states[place + 1 :]]
+        states = graph.states_along(start, stances)
+        if len(states) <= len(stances):
+            return None
         cost = search.goal.cost.of_path(graph.postures_of(states).base_position)
-        return SearchResult(GOAL_REACHED, tuple(states), cost, 0, 0, np.zeros((0, 2, 3)), bound=1.0)
+        return SearchResult(GOAL_REACHED, states, cost, 0, 0, np.zeros((0, 2, 3)), bound=1.0)
 
     def has_lost_only(self, graph: StanceGraph) -> bool:
         """Return whether the graph has lost steps since at most, of all that were known then."""

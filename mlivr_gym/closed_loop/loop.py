@@ -33,6 +33,7 @@ from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Eve
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.planners.why_not import goal_occupancy
@@ -49,11 +50,12 @@ from mlivr_gym.world.given_points import STANCE
 LOOKS = 4
 """Number of looks during a step after which the robot plans on from where the step leads."""
 
-INFLATION, ANY_PLAN = 2.0, 1e6
+INFLATION, ANY_PLAN = 3.0, 1e6
 """Suboptimality bound of the plans of more than two limbs, and one that any plan is within."""
 
-EFFORT = 1_000_000
-"""Effort of each planning of more than two limbs, see `PathSearch.effort`: some five seconds."""
+LITTLE_EFFORT, EFFORT = 200_000, 1_000_000
+"""Effort of each planning of more than two limbs, see `PathSearch.effort`, some half a second, and
+that of a search for any plan if none is found, some five seconds."""
 
 FAULT = "sensing or planning failed"
 """Reason of a stop after an error of the package."""
@@ -131,8 +133,8 @@ def run_closed_loop(
         Number of attempted steps after which the robot stops.
     time_limit
         Maximum time of each planning [s], by default none: two limbs search until a plan is proved
-        to be the best, more limbs until one is proved within `INFLATION`, or with an `EFFORT` that
-        is the same on any machine. With a limit in place of that, plans depend on the speed of the
+        to be the best, more limbs until one is proved within `INFLATION`, or with an effort that is
+        the same on any machine. With a limit in place of that, plans depend on the speed of the
         machine. If none is found, any plan is searched for, with `PATIENCE` times the effort or
         time, before the robot stops.
     show
@@ -171,21 +173,21 @@ def run_closed_loop(
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
 
     def plan_from(state: State, patience: float) -> PlanningResult:
-        if graph.limbs == 2 and patience < 1.0:
-            return plan(state, effort=int(patience * EFFORT))
-        factor = max(patience, 1.0)
-        seconds = None if time_limit is None else factor * time_limit
-        if graph.limbs == 2:
-            return plan(state, time_limit=seconds)
-        effort = int(factor * EFFORT) if time_limit is None else None
-        inflation = INFLATION if factor == 1.0 else ANY_PLAN
-        return plan(state, inflation=inflation, time_limit=seconds, effort=effort)
+        if graph.limbs == 2 or time_limit is not None:
+            inflation = 1.0 if graph.limbs == 2 else INFLATION if patience == 1.0 else ANY_PLAN
+            seconds = None if time_limit is None else patience * time_limit
+            return plan(state, inflation=inflation, time_limit=seconds)
+        if patience == 1.0:
+            found = plan(state, inflation=INFLATION, effort=LITTLE_EFFORT)
+            if found.reason != LIMIT_REACHED:
+                return found
+        return plan(state, inflation=ANY_PLAN, effort=int(patience * EFFORT))
 
     def why_none(result: PlanningResult) -> str:
         occupancy = goal_occupancy(graph, goal, goal_tolerance)
         return "; ".join(filter(None, (occupancy, result.message)))
 
-    loop = _Loop(executor, (plan_from, why_none), (camera, tuple(crew)), seed, show)
+    loop = _Loop(executor, (planner, plan_from, why_none), (camera, tuple(crew)), seed, show)
     loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
@@ -200,16 +202,16 @@ class _Loop:
     def __init__(
         self,
         executor: StepExecutor,
-        planning: tuple[Callable[..., PlanningResult], Callable[[PlanningResult], str]],
+        planning: tuple[Planner, Callable[..., PlanningResult], Callable[[PlanningResult], str]],
         around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
         (camera, self._crew), self.graph = around, executor.graph
-        plan_from, self._why_none = planning
+        planner, plan_from, self._why_none = planning
         self._robot = SensingRobot(executor, camera, seed, self._crew, show)
         self._executor, self._belief = executor, self._robot.belief
-        self.record, self._course = self._robot.record, Course(self._belief, plan_from)
+        self.record, self._course = self._robot.record, Course(self._belief, planner, plan_from)
         self.withdraw = self._belief.withdraw
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
@@ -287,7 +289,7 @@ class _Loop:
         """Take the next step of a plan; if a crew member is in the way, make way for it."""
         executor, taken = self._executor, self._course.taken
         limb, name = plan.actions[taken]
-        executor.follow(plan if self._course.is_new else None)
+        executor.follow(plan)
         moves, point = self.graph.successors(executor.state), self.graph.grasp_map.index(name)
         branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
         prepared = self._robot.prepared(limb, point, branch_sets)

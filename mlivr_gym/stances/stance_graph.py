@@ -189,6 +189,10 @@ class StanceGraph(CheckedSteps):
 
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
+        if all(state.pose is None for state in states):
+            for state in states:
+                self.check(state)
+            return self.postures(np.array([state.stance for state in states], dtype=np.int64))
         return join(*(self.posture_of(state) for state in states))
 
     def _posture_at(self, points: tuple[int, ...], pose: tuple[float, ...]) -> Postures:
@@ -332,11 +336,37 @@ class StanceGraph(CheckedSteps):
         return Successors(limb, point, postures.base_position[kept], found[kept])
 
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """Return the state after the step to a neighbouring stance, None without such a step."""
-        both = join(self.posture_of(state), self.posture(after))
-        if after == state.stance:
-            return None
-        return self.state_after(state, after, both) if self.is_node(both).all() else None
+        """Return the state after the step to a stance, None without such a step."""
+        return next(iter(self.states_along(state, [after])[1:]), None)
+
+    def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
+        """Return a state and those after steps from it to stances in turn, as far as these go.
+
+        There are fewer than k + 1 states for k stances if one of them cannot be held, or no step
+        leads to it from the one before.
+        """
+        for stance in stances:
+            self.check_stance(stance)
+        here, states = self.posture_of(state), [state]
+        points = np.array([state.stance, *stances], dtype=np.int64)
+        postures = join(here, self.postures(points[1:])) if len(stances) else here
+        moves, node = points[1:] != points[:-1], self.is_node(postures)
+        able = (moves.sum(axis=1) == 1) & node[:-1] & node[1:]
+        count = len(able) if able.all() else int(np.argmin(able))
+        known, rows, limb = self.checks.stances(points, postures), np.arange(count), moves.argmax(1)
+        if self.settings.transitions and self.settings.collisions:
+            ends = np.stack([np.append(rows, rows + 1), np.tile(limb[:count], 2)], axis=1)
+            self._check_releases(known, np.unique(ends, axis=0))
+        for k in rows.tolist():
+            found = postures.branch_sets[k + 1]
+            if self.settings.transitions:
+                before, branch_sets = rows[k : k + 1], np.array([states[-1].branch_sets])
+                step = self.checks.steps(known, before, before + 1, branch_sets)
+                found = self.branch_sets_of_steps(step, known)[0]
+            if not found.all():
+                break
+            states.append(State(stances[k], tuple(found.tolist())))
+        return tuple(states)
 
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,).

@@ -300,11 +300,21 @@ class TwoLimbGraph(StanceGraph):
         support = 1 - moving_limb(state.stance, tuple(after))
         return self._known.edge(state.branch_sets[support], support, s0, s1)
 
-    def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
-        """Return the state after the step to a neighbouring stance, None without such a step."""
+    def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
+        """Return a state and those after steps from it, see `StanceGraph.states_along`."""
         self.check(state)
-        self.check_stance(after)
-        if after == state.stance:
+        states = [state]
+        for stance in stances:
+            self.check_stance(stance)
+            after = self._state_after_step(states[-1], stance)
+            if after is None:
+                break
+            states.append(after)
+        return tuple(states)
+
+    def _state_after_step(self, state: State, after: tuple[int, ...]) -> State | None:
+        """Return the state after the step to a stance, None without such a step."""
+        if (np.array(state.stance) != after).sum() != 1:
             return None
         limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2
         rows[limb] = np.flatnonzero((self.points == after).all(axis=1))

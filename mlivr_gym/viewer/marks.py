@@ -136,20 +136,17 @@ def reason_of(sentence: str) -> str:
 
 def states_of(graph: StanceGraph, plan: Plan) -> tuple[State | None, ...]:
     """Return the states along a plan in the current world, None after a step that is impossible."""
-    motion = plan.motion
-    states: list[State | None] = []
-    state: State | None = None
-    for k, stance in enumerate(plan.stances):
-        where = motion.base_positions[k], motion.base_quaternions[k]
-        try:
-            if k == 0:
-                state = graph.state(stance, graph.given_pose_of(stance, *where))
-            elif state is not None:
-                state = graph.step_to(state, graph.indices(stance))
-        except StanceError:
-            state = None
-        states.append(state)
-    return tuple(states)
+    motion, stances = plan.motion, plan.stances
+    states: tuple[State, ...] = ()
+    try:
+        where = graph.given_pose_of(
+            stances[0], motion.base_positions[0], motion.base_quaternions[0]
+        )
+        start = graph.state(stances[0], where)
+        states = graph.states_along(start, [graph.indices(stance) for stance in stances[1:]])
+    except StanceError:
+        pass
+    return *states, *[None] * (len(stances) - len(states))
 
 
 def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from mlivr_gym import stance_graph
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.world.boxes import Box
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
@@ -33,3 +34,43 @@ def test_steps_of_several_states_are_those_of_each(small_map, robot):
             assert one.branch_sets == tuple(found)
             possible += 1
     assert 5 < possible < len(rows)
+
+
+def in_turn(graph, state, stances):
+    """States after steps to stances, found among all steps that leave each state."""
+    states = [state]
+    for stance in stances:
+        steps = graph.successors(states[-1])
+        after = [steps.after(states[-1], k) for k in range(len(steps.limb))]
+        found = [one for one in after if one.stance == stance]
+        if not found:
+            break
+        states += found
+    return tuple(states)
+
+
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
+@pytest.mark.parametrize("settings", [Settings(), Settings(transitions=False)], ids=["checked", ""])
+@pytest.mark.parametrize("half", [0.0, 0.1], ids=["free", "box"])
+def test_states_along_stances_are_those_after_each_step_in_turn(small_map, robot, settings, half):
+    graph, again = (stance_graph(small_map, robot, settings) for _ in range(2))
+    rng, lengths = np.random.default_rng(3), set()
+    for _ in range(6):
+        start = random_state(graph, rng)
+        walk = [start]
+        for _ in range(4):
+            steps = graph.successors(walk[-1])
+            walk.append(steps.after(walk[-1], int(rng.integers(len(steps.limb)))))
+        stances = [state.stance for state in walk[1:]]
+        boxes = ()
+        if half:
+            where = graph.posture_of(walk[2]).base_position[0] + rng.uniform(-0.3, 0.3, 3)
+            boxes = (Box("box", "obstacle", tuple(where.tolist()), (half,) * 3),)
+        for one in (graph, again):
+            one.remove_obstacles()
+            one.add_obstacles(boxes)
+        for chosen in (stances, [*stances[:2], stances[1], *stances[2:]], stances[::2]):
+            expected = in_turn(graph, start, chosen)
+            assert again.states_along(start, chosen) == expected
+            lengths.add(len(expected))
+    assert len(lengths) > 2

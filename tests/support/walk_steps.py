@@ -10,8 +10,4 @@ def count_steps(graph, stances):
         state = graph.state(points[0])
     except StanceError:
         return 0
-    for done, stance in enumerate(points[1:]):
-        state = graph.step_to(state, stance)
-        if state is None:
-            return done
-    return len(points) - 1
+    return len(graph.states_along(state, points[1:])) - 1
