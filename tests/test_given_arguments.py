@@ -8,7 +8,7 @@ signatures, so that a new one is tested too.
 import inspect
 import json
 from contextlib import suppress
-from functools import partial
+from functools import cache, partial
 
 import gymnasium
 import numpy as np
@@ -29,6 +29,7 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.film import film
+from mlivr_gym.pictures.flat_views import map_views
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
@@ -70,6 +71,7 @@ def own_folder(tmp_path_factory):
         for name in ("draw_ghost", "draw_flat_ghost", "draw_base_path"):
             patch.setattr(f"{drawn}.{name}", lambda *_: None)
         patch.setattr(f"{drawn}.save_figure", lambda figure, path: write_whole(path, b""))
+        patch.setattr(f"{drawn}.map_views", cache(map_views))
         picture = np.zeros((16, 32, 3), np.uint8)
         patch.setattr("mlivr_gym.pictures.film.film_pictures", lambda *_, **__: [picture])
         yield patch

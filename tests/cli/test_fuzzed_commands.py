@@ -12,6 +12,7 @@ import io
 import json
 import shutil
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -57,6 +58,7 @@ ROBOT = json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict()))
 OBSTACLES = {"boxes": [{"id": "b", "min": [0, 0, 1], "max": [1, 1, 2]}], "occupied": ["R0:0"]}
 
 
+@cache
 def options(command):
     """The options of a command, from its parser."""
     parser = _parser([command])

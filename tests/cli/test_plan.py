@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from mlivr_gym import stance_graph
+from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.cli.arguments import search_options
 from mlivr_gym.cli.main import _parser
 from mlivr_gym.fastest import step_reactions
@@ -57,11 +57,11 @@ def test_the_plan_of_least_reaction_is_the_first_one_listed(run, tmp_path, check
     assert sum(step.impulse for step in steps) == pytest.approx(impulses[0], rel=0.01)
 
 
-def test_plan_and_info_take_cargo(run, tmp_path, jem, ladder_file):
+def test_plan_and_info_take_cargo(run, tmp_path, ladder_file):
     file = tmp_path / "plan.json"
-    query = "--start D2a:4 D2b:4 --goal 4.0 0 0.42 --cargo 12 0.3 0.4 0.2"
-    assert run(f"plan {query} --out {file}")[0] == 0
-    assert Plan.load(file, jem).world.robot.cargo == Cargo(12.0, (0.3, 0.4, 0.2))
+    assert run(f"plan --map {ladder_file} --cargo 12 0.3 0.4 0.2 --out {file}")[0] == 0
+    world = Plan.load(file, GraspMap.load(ladder_file)).world
+    assert world.robot.cargo == Cargo(12.0, (0.3, 0.4, 0.2))
     info = f"info --json --map {ladder_file}"
     code, out, _ = run(f"{info} --cargo 12 0.3 0.4 0.2")
     assert code == 0

@@ -17,12 +17,10 @@ def made(tmp_path_factory):
     """Folder, exit code and data of the command, and what it planned by case and mode.
 
     Cases of the same settings share their graph, and the search in plain Python is made for case 2
-    alone. Plans are refined for a round, not for all; one picture of a plan is drawn, for the
-    others their files are made.
+    alone. Plans are refined for a round, not for all; pictures are not drawn, their files are made.
     """
     folder, planned = tmp_path_factory.mktemp("table1") / "new" / "results", {}
-    plan_case, plan_figure = table1.plan_case, table1.plan_figure
-    graphs = {}
+    plan_case, graphs = table1.plan_case, {}
 
     def graph_of(case, setup, mode):
         key = (CASES[case].sparse, CASES[case].manipulability, mode)
@@ -36,13 +34,12 @@ def made(tmp_path_factory):
             planned[key] = plan_case(key[0], setup, start, mode)
         return planned[key]
 
-    def drawing(grasp_map, plan, path, *more):
-        if path.name == "case4_collisions.png":
-            plan_figure(grasp_map, plan, path, *more)
-        else:
-            assert plan.world.map_name == grasp_map.name
-            path.touch()
-            path.with_suffix(".svg").touch()
+    def drawing(grasp_map, plan, path, tree, title):
+        assert plan.world.map_name == grasp_map.name
+        assert tree is None or tree.shape[1:] == (2, 3)
+        assert title
+        path.touch()
+        path.with_suffix(".svg").touch()
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(table1, "case_graph", graph_of)

@@ -87,7 +87,7 @@ def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, t
     plan, recording = walk
     path, plain = tmp_path / "walk.gif", tmp_path / "plain.gif"
     duration = float(recording.times[-1])
-    speed = duration / 0.2
+    speed = duration / 0.12
     with gl_or_skip():
         film(checked_graph.grasp_map, checked_graph.robot, recording, path, plan=plan, size=SIZE,
              speed=speed)  # fmt: skip

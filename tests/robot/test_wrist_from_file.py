@@ -59,7 +59,7 @@ def held_of(name, rng):
     return held if name in HELD else {}
 
 
-@pytest.mark.parametrize("seed", [None, *range(5)])
+@pytest.mark.parametrize("seed", [None, 0, 1])
 @pytest.mark.parametrize("name", ARMS)
 def test_flanges_are_where_pinocchio_has_them(tmp_path, name, seed):
     """Whatever the frames, signs and zero angles of the file are, and the angle that is held."""

@@ -20,7 +20,7 @@ pytest.importorskip("pyarrow")
 DESIGN = StudyDesign.from_data(
     {
         "kind": "plan",
-        "tasks": 6,
+        "tasks": 4,
         "seed": 3,
         "factors": {"cost": ["steps", "base"], "occupied": [0.0, 0.4]},
     }
@@ -30,7 +30,7 @@ DESIGN = StudyDesign.from_data(
 @pytest.fixture(scope="module", autouse=True)
 def small_blocks():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mlivr_gym.studies.design.BLOCK_TASKS", 5)
+        patch.setattr("mlivr_gym.studies.design.BLOCK_TASKS", 3)
         yield
 
 
@@ -72,7 +72,7 @@ def test_a_share_of_the_points_is_occupied():
 
 def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
     def interrupt(done, total):
-        if done >= 10:
+        if done >= 6:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -80,8 +80,9 @@ def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
     stored = {file.name: file.stat().st_mtime_ns for file in (tmp_path / "blocks").iterdir()}
     assert len(stored) == 3
     seen = []
-    file = run_study(DESIGN, tmp_path, workers=1, progress=lambda done, total: seen.append(done))
-    assert seen == [11, 12, 17, 18, 23, 24]
+    with ThreadPoolExecutor(1) as executor:
+        file = run_study(DESIGN, tmp_path, executor, progress=lambda done, _: seen.append(done))
+    assert seen == [7, 8, 11, 12, 15, 16]
     assert untimed(read_study(tmp_path)) == untimed(rows)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
     written = file.stat().st_mtime_ns
@@ -186,16 +187,16 @@ def test_engines_that_do_not_exist_are_refused(tmp_path, arguments, words):
 
 def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
     path = tmp_path / "costs.toml"
-    path.write_text('kind = "plan"\ntasks = 4\n[factors]\ncost = ["steps", "base"]\n')
+    path.write_text('kind = "plan"\ntasks = 2\n[factors]\ncost = ["steps", "base"]\n')
     assert main(["study", str(path), "--workers", "1"]) == 0
     out = capsys.readouterr().out
-    assert out.splitlines()[0].startswith("cost steps: 4 of 4, ")
-    assert len(read_study(tmp_path / "costs")) == 8
+    assert out.splitlines()[0].startswith("cost steps: 2 of 2, ")
+    assert len(read_study(tmp_path / "costs")) == 4
     table = (tmp_path / "costs" / "study.md").read_text()
-    assert table.splitlines()[2].startswith("| steps | 4 | 4 | ")
+    assert table.splitlines()[2].startswith("| steps | 2 | 2 | ")
     assert main(["study", str(path), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert [one["successes"] for one in found["combinations"]] == [4, 4]
+    assert [one["successes"] for one in found["combinations"]] == [2, 2]
     assert main(["study", str(path), "--scheduler", "tcp://x:1"]) == 2
 
 
