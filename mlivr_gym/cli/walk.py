@@ -66,7 +66,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Walk to a goal in MuJoCo, and replan at every grasp and where a path is blocked.
+    """Walk to a goal in MuJoCo, and replan where what is seen blocks the plan.
 
     Boxes given with --unknown and points given with --refusing are there, but the robot does not
     know them: it sees boxes with the depth cameras of its body and grippers, and notices a refused

@@ -4,15 +4,15 @@ Here "walk" is what the robot does until it arrives, stops or fails; `run_closed
 one, and `mlivr-gym walk` is its command.
 
 The robot knows a map and a goal. Boxes that its map lacks, and points that refuse a grasp, exist
-only in the simulation. The cameras look round at every grasp and during every step. At a grasp,
-what they saw beside the map becomes an obstacle, and the remainder of the walk is planned anew from
-the branches on which the limbs are. During a step, a limb turns back if something new lies where
-the robot will move, or if the robot is so far off its trajectory that it would touch something. A
-limb that is refused, or misses its point, goes back as well and tries again, unless a cheaper plan
-was found on the way. After the second such attempt the point counts as occupied. If no plan is left
-in the world that the robot believes in, points to which paths were blocked are tried once more;
-then it stops where it is and holds all its points. So it does if sensing or planning fails; a limb
-that swings then goes back first.
+only in the simulation. The cameras look round at every grasp and during every step. What they saw
+beside the map becomes an obstacle, and if that blocks the remainder of the walk, it is planned anew
+from the branches on which the limbs are. During a step, a limb turns back if something new lies
+where the robot will move, or if the robot is so far off its trajectory that it would touch
+something. A limb that is refused, or misses its point, goes back as well and tries again, unless a
+cheaper plan was found on the way. After the second such attempt the point counts as occupied. If no
+plan is left in the world that the robot believes in, points to which paths were blocked are tried
+once more; then it stops where it is and holds all its points. So it does if sensing or planning
+fails; a limb that swings then goes back first.
 """
 
 from __future__ import annotations
