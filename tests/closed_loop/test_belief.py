@@ -1,6 +1,5 @@
 """The robot believes in what it sees beside the map, and in nothing else."""
 
-import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -13,7 +12,7 @@ from mlivr_gym.closed_loop.hit_cubes import CUBE, outermost
 from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory import FREE
+from mlivr_gym.simulation.scene import set_configuration
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -95,13 +94,13 @@ def test_at_last_what_is_believed_does_not_fill_a_narrow_gap(seen, plan):
         hits.append(on * box.half + box.centre)
     hits = np.concatenate(hits)
     belief.add_hits(hits + rng.normal(0.0, CAMERA.noise, hits.shape), plan.configuration(0))
-    gap = rng.uniform((3.5, 0.2, 0.36), (4.0, 0.4, 0.44), (20_000, 3))
+    gap = rng.uniform((3.5, 0.2, 0.36), (4.0, 0.4, 0.44), (2000, 3))
     gap = gap[np.min([gaps(gap, box) for box in (low, step, high)], axis=0) > 0.015]
     filled = [np.min([gaps(gap, box) for box in belief.boxes()], axis=0) == 0.0]
     while belief.tighten():
         pass
     filled.append(np.min([gaps(gap, box) for box in belief.boxes()], axis=0) == 0.0)
-    covered = np.min([gaps(hits, box) for box in belief.boxes()], axis=0)
+    covered = np.min([gaps(hits[::10], box) for box in belief.boxes()], axis=0)
     assert filled[0].mean() > 0.3
     assert not filled[1].any()
     assert covered.max() < 4.0 * CAMERA.noise
@@ -192,7 +191,7 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
     for box in boxes:
         graph.add_obstacles([box])
         belief = Belief(graph, CAMERA.noise)
-        shift, turn = rng.normal(0.0, 0.01, 3), Rotation.from_rotvec(rng.normal(0.0, 0.005, 3))
+        shift, turn = rng.uniform(-0.025, 0.025, 3), Rotation.from_rotvec(rng.normal(0.0, 0.005, 3))
         bend = rng.normal(0.0, 0.005, (2, 6))
 
         def beside(sample, shift=shift, turn=turn, bend=bend):
@@ -203,9 +202,9 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
 
         thing, touches = simulation.model.geom(f"box/{box.id}").id, False
         for sample in ahead:
-            simulation.reset(*beside(sample), [FREE, FREE])
-            mujoco.mj_forward(simulation.model, simulation.data)
-            touches |= bool((simulation.data.contact.geom == thing).any())
+            set_configuration(simulation.model, simulation.data, *beside(sample))
+            if touches := bool((simulation.data.contact.geom == thing).any()):
+                break
         assert belief.will_touch(trajectory, first, beside(first)) == touches
         found[touches] += 1
         graph.remove_obstacles()

@@ -107,14 +107,14 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
     assert (h[a] <= price(table, pairs[finite[pairs[:, 0]]], goal.cost) + h[b] + 1e-9).all()
 
 
-@pytest.mark.parametrize("cost", COSTS)
 @pytest.mark.parametrize("seed", range(2))
-def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, seed, monkeypatch):
+def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, monkeypatch):
     """With some steps known to keep less than their nodes share, or nothing.
 
     With odd seeds branch sets are random, so that nodes are come to on many, and so is what steps
     lose. Lists of the queue span much, so that the first path taken is not always the cheapest."""
     monkeypatch.setattr(bucket_queue, "BUCKET_WIDTH", 0.5)
+    monkeypatch.setattr(label_search, "CLOCK_INTERVAL", 7)
     graph, table = known
     rng, limbs, count = np.random.default_rng(seed), table.limbs, len(table.points)
     if seed % 2:
@@ -140,17 +140,15 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
         steps = steps.with_edges(
             np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
         )
+    leaving = [np.flatnonzero(pairs[:, 0] == s).tolist() for s in range(count)]
     for _ in range(8):
         start = int(rng.integers(count))
-        goal = goal_at(graph, table, int(rng.integers(count)), cost)
-        goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-        weights, charged = cost_weights(goal.cost), price(table, pairs, goal.cost)
-        states, queue = nx.DiGraph(), [(start, tuple(branch_sets[start].tolist()))]
-        states.add_nodes_from(queue)
-        leaving = {s: np.flatnonzero(pairs[:, 0] == s) for s in range(count)}
+        states, first = nx.DiGraph(), (start, tuple(branch_sets[start].tolist()))
+        queue = [first]
+        states.add_node(first)
         while queue:
             here = queue.pop()
-            for e in leaving[here[0]].tolist():
+            for e in leaving[here[0]]:
                 _, i, b, j, bit = pairs[e].tolist()
                 held = np.roll(here[1], -i - 1)[:-1] & kept[bit]
                 if here[1][i] & releasable[here[0], i] and held.all():
@@ -158,37 +156,42 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, cost, s
                     there = b, tuple(after.tolist())
                     if there not in states:
                         queue.append(there)
-                    states.add_edge(here, there, cost=charged[e])
-        costs = nx.single_source_dijkstra_path_length(
-            states, (start, tuple(branch_sets[start].tolist())), weight="cost"
-        )
-        least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
-        h = exact_costs(table, goals, weights, start)
-        origins = NodeOrigins(np.array([start]), table.branch_sets[[start]], np.zeros(1))
-        search_graph = SearchGraph(table, steps, weights)
-        path, lower_bound, *_ = cheapest_path(
-            search_graph, h, origins, Labels.allocate(count), EXACT
-        )
-        assert lower_bound == pytest.approx(least, abs=1e-9)
-        monkeypatch.setattr(label_search, "CLOCK_INTERVAL", 7)
-        for cost_limit in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
-            found, bound, *_ = cheapest_path(
-                search_graph, h, origins, Labels.allocate(count), EXACT, cost_limit=cost_limit
-            )
-            assert (found is not None) == (least < cost_limit)
-            assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
-        ended = time.perf_counter() - 1.0
-        late = cheapest_path(
-            search_graph, h, origins, Labels.allocate(count), EXACT, deadline=ended
-        )
-        assert late[:2] == (None, 0.0)
-        if path is not None:
-            assert path.cost == pytest.approx(least, abs=1e-9)
-            assert goals[path.nodes[-1]]
-            for label in zip(
-                path.nodes.tolist(), unpacked(path.branch_sets, limbs).tolist(), strict=True
-            ):
-                assert (label[0], tuple(label[1])) in states
+                    states.add_edge(here, there, pair=e)
+        row = int(rng.integers(count))
+        for cost in COSTS:
+            goal, ends = goal_at(graph, table, row, cost), (states, first)
+            assert_cheapest(SearchGraph(table, steps, cost_weights(goal.cost)), goal, pairs, ends)
+
+
+def assert_cheapest(search_graph, goal, pairs, ends):
+    """Compare the cheapest path to a goal with the states to which steps lead from the first."""
+    (table, _, weights, _), (states, first) = search_graph, ends
+    goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
+    charged = price(table, pairs, goal.cost)
+    costs = nx.single_source_dijkstra_path_length(
+        states, first, weight=lambda _, __, edge: charged[edge["pair"]]
+    )
+    least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
+    h = exact_costs(table, goals, weights, first[0])
+    origins = NodeOrigins(np.array(first[:1]), table.branch_sets[[first[0]]], np.zeros(1))
+
+    def cheapest(**limits):
+        labels = Labels.allocate(len(goals))
+        return cheapest_path(search_graph, h, origins, labels, EXACT, **limits)[:2]
+
+    path, lower_bound = cheapest()
+    assert lower_bound == pytest.approx(least, abs=1e-9)
+    for cost_limit in (1.001 * least + 1e-9, 0.999 * least) if least > 0.0 else ():
+        found, bound = cheapest(cost_limit=cost_limit)
+        assert (found is not None) == (least < cost_limit)
+        assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
+    assert cheapest(deadline=time.perf_counter() - 1.0) == (None, 0.0)
+    if path is not None:
+        assert path.cost == pytest.approx(least, abs=1e-9)
+        assert goals[path.nodes[-1]]
+        held = unpacked(path.branch_sets, table.limbs).tolist()
+        for node, branch_sets in zip(path.nodes.tolist(), held, strict=True):
+            assert (node, tuple(branch_sets)) in states
 
 
 def test_too_many_labels_leave_a_bound(known, monkeypatch):

@@ -1,10 +1,11 @@
-"""Lower bounds over all nodes: against networkx, and kept for further plans."""
+"""Lower bounds over all nodes: against SciPy, and kept for further plans."""
 
 from types import SimpleNamespace
 
-import networkx as nx
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from small_tables import COSTS, every_pair, small_table
 
 from mlivr_gym import Box, stance_graph
@@ -42,48 +43,46 @@ def away(graph, table, cost, row, tolerance=0.06):
 
 
 def lengths(known, goal, taken, ends=None):
-    """Least costs to a goal, or some nodes, by networkx; infinite where nothing leads there."""
+    """Least costs to a goal, or some nodes, by SciPy; infinite where nothing leads there."""
     _, table, pairs = known
-    places, joined = table.base_position.astype(float), nx.DiGraph()
-    joined.add_nodes_from(np.flatnonzero(~taken).tolist())
-    for a, _, b, _, _ in pairs[~taken[pairs[:, [0, 2]]].any(axis=1)].tolist():
-        shift = float(np.linalg.norm(places[a] - places[b]))
-        joined.add_edge(b, a, cost=goal.cost.base_weight * shift + goal.cost.step_weight)
-    goals = ends
+    places = table.base_position.astype(float)
+    free = pairs[~taken[pairs[:, [0, 2]]].any(axis=1)]
+    a, b = np.unique(free[:, [0, 2]], axis=0).T
+    moved = np.linalg.norm(places[a] - places[b], axis=1)
+    # SciPy takes a zero for no edge.
+    costs = np.maximum(goal.cost.base_weight * moved + goal.cost.step_weight, 1e-300)
     if ends is None:
-        goals = np.flatnonzero((goal.distance(places) <= goal.tolerance) & ~taken)
-    found = np.full(len(places), np.inf)
-    if len(goals):
-        ways = nx.multi_source_dijkstra_path_length(joined, set(goals.tolist()), weight="cost")
-        found[list(ways)] = list(ways.values())
-    return found
+        ends = np.flatnonzero((goal.distance(places) <= goal.tolerance) & ~taken)
+    if not len(ends):
+        return np.full(len(places), np.inf)
+    net = csr_array((costs, (b, a)), shape=(len(places), len(places)))
+    return dijkstra(net, indices=ends, min_only=True)
 
 
-@pytest.mark.parametrize("farther", [0, 1, 1000])
 @pytest.mark.parametrize("seed", range(4))
-def test_fewest_steps_are_those_of_networkx(known, seed, farther, monkeypatch):
+def test_fewest_steps_are_those_of_scipy(known, seed, monkeypatch):
+    """With starts and all nodes that are farther by some steps, in one to four threads."""
     monkeypatch.setattr(kernels, "_cores", lambda: 1 + seed)
     monkeypatch.setattr("mlivr_gym.planners.fewest_steps.LEAST_IN_THREADS", 2)
-    table = known[1]
-    graph = known[0]
+    graph, table, _ = known
     rng, count = np.random.default_rng(seed), len(table.points)
     taken, goal = rng.random(count) < 0.2 * seed / 3.0, away(graph, table, COSTS[0], 5 + seed)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
     expected = lengths(known, goal, taken)
     starts = rng.choice(np.flatnonzero(~taken), 2)
-    steps, least = fewest_steps(table, goals, taken, starts, farther)
-    assert (steps[taken] == FORBIDDEN).all()
-    reached = steps >= 0
-    np.testing.assert_array_equal(steps[reached], expected[reached])
-    others = expected[~reached & ~taken]
-    assert (others >= least).all()
-    if np.isfinite(expected[starts]).all():
-        assert reached[starts].all()
-        last = expected[starts].max() + farther
-        assert steps.max() <= max(last, 1)
-        assert farther == 1000 or least <= last + 1
-    else:
-        assert least == np.inf
+    for farther in (0, 1, 1000):
+        steps, least = fewest_steps(table, goals, taken, starts, farther)
+        assert (steps[taken] == FORBIDDEN).all()
+        reached = steps >= 0
+        np.testing.assert_array_equal(steps[reached], expected[reached])
+        assert (expected[~reached & ~taken] >= least).all()
+        if np.isfinite(expected[starts]).all():
+            assert reached[starts].all()
+            last = expected[starts].max() + farther
+            assert steps.max() <= max(last, 1)
+            assert farther == 1000 or least <= last + 1
+        else:
+            assert least == np.inf
 
 
 @pytest.mark.parametrize("cost", COSTS)

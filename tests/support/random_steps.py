@@ -4,7 +4,7 @@ import numpy as np
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.random_states import random_stance
 from mlivr_gym.transitions.records import StepRecord
 
 
@@ -26,7 +26,10 @@ def neighbouring_points(graph, count, seed):
 def two_stances(graph, rng):
     """A limb, and the points of a random stance and of one that this limb alone changes."""
     while True:
-        before, limb = random_state(graph, rng).stance, int(rng.integers(graph.limbs))
+        state, limb = random_stance(graph, rng), int(rng.integers(graph.limbs))
+        if state is None:
+            continue
+        before = state.stance
         others = [p for i, p in enumerate(before) if i != limb]
         places = graph.grasp_map.positions
         away = np.linalg.norm(places - places[others].mean(axis=0), axis=1)

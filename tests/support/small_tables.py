@@ -4,6 +4,7 @@ from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
+from shared_graphs import shared
 from unequal_robots import unequal
 
 from mlivr_gym import Box, jem_map, stance_graph
@@ -27,7 +28,7 @@ def small_map():
 @cache
 def small_table(limbs, is_unequal=False):
     """A graph on these points of limbs that are alike or not, and the table of its nodes."""
-    graph = stance_graph(small_map(), unequal(limbs) if is_unequal else f"mlivr{limbs}")
+    graph = shared(stance_graph(small_map(), unequal(limbs) if is_unequal else f"mlivr{limbs}"))
     if limbs == 2:
         fill_rows(graph)
     else:

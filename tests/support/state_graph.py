@@ -34,6 +34,9 @@ def within(net, goal, radius):
 
 
 def least_cost(net, start, ends, weight="steps"):
-    """Least cost from a start to one of some states by Dijkstra; infinite where none is reached."""
-    costs = nx.single_source_dijkstra_path_length(net, start, weight=weight)
+    """Least cost from a start to one of some states by NetworkX; infinite where none is reached."""
+    if weight == "steps":
+        costs = nx.single_source_shortest_path_length(net, start)
+    else:
+        costs = nx.single_source_dijkstra_path_length(net, start, weight=weight)
     return min((costs[end] for end in ends if end in costs), default=np.inf)
