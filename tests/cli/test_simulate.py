@@ -50,7 +50,7 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     own = plan.read_text() + "\n"  # the plan of the folder of the results stays as it is
     plan.write_text(own)
     code, out, _ = run(
-        f"simulate --plan {plan} --controller paper --disturbances all --no-film "
+        f"simulate --plan {plan} --pace paper --controller paper --disturbances all --no-film "
         f"--out {tmp_path / 'walk'}"
     )
     assert code == 1
