@@ -39,7 +39,7 @@ from mlivr_gym.planners.query import (
     SearchQuery,
 )
 from mlivr_gym.planners.refinement import check_fits, refined
-from mlivr_gym.planners.searches import GraphSearcher
+from mlivr_gym.planners.searches import GraphSearcher, path_along
 from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.schema import Integer
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -306,14 +306,10 @@ class Planner:
         here, *stances = (graph.indices(stance) for stance in plan.stances[taken:])
         if here != state.stance:
             return None
-        states = graph.states_along(state, stances)
-        if len(states) <= len(stances):
+        path = path_along(graph, state, stances, plan.query.cost_of)
+        if path is None:
             return None
-        positions = graph.postures_of(states).base_position
         timer.search = timer.lap()
-        path = SearchResult(
-            GOAL_REACHED, states, plan.query.cost_of(positions), 0, 0, np.zeros((0, 2, 3))
-        )
         found = self._committed(plan.query, path, timer)
         return found if found.plan is not None else None
 

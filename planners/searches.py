@@ -8,11 +8,13 @@ any other graph is searched without.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import complete_by_deadline
 from mlivr_gym.planners.implicit_search import ImplicitSearch
@@ -42,6 +44,23 @@ the limbs are on other branches than those on which the way is short, the bounds
 which know no branches, leave most of the graph to be expanded."""
 
 
+def path_along(
+    graph: StanceGraph,
+    start: State,
+    stances: Sequence[tuple[int, ...]],
+    cost_of: Callable[[Array], float],
+) -> SearchResult | None:
+    """Return the path from a state over stances to a goal; None if a step of it is not possible.
+
+    `cost_of` tells the cost of base positions, shape (k + 1, 3) [m].
+    """
+    states = graph.states_along(start, stances)
+    if len(states) <= len(stances):
+        return None
+    cost = cost_of(graph.postures_of(states).base_position)
+    return SearchResult(GOAL_REACHED, states, cost, 0, 0, np.zeros((0, 2, 3)))
+
+
 class FollowedPath(NamedTuple):
     """A path of minimum cost, and the world in which it was found."""
 
@@ -65,11 +84,8 @@ class FollowedPath(NamedTuple):
         if place is None or not is_valid:
             return None
         stances = [after.stance for after in self.states[place + 1 :]]
-        states = graph.states_along(start, stances)
-        if len(states) <= len(stances):
-            return None
-        cost = search.goal.cost.of_path(graph.postures_of(states).base_position)
-        return SearchResult(GOAL_REACHED, states, cost, 0, 0, np.zeros((0, 2, 3)), bound=1.0)
+        found = path_along(graph, start, stances, search.goal.cost.of_path)
+        return found and replace(found, bound=1.0)
 
     def has_lost_only(self, graph: StanceGraph) -> bool:
         """Return whether the graph has lost steps since at most, of all that were known then."""

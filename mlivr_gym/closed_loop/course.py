@@ -3,8 +3,8 @@
 While a limb swings, the robot plans on from the state in which it will arrive. When it has arrived
 it stands still for a search only if it knows no plan that is still possible: neither the one that
 was found on the way, nor what remains of the one that it follows. Of these it takes the cheaper
-one. A plan of a search that was cut short may be longer than what remains of the one before, and so
-may the next one; a robot that follows each could go back and forth.
+one: a plan of a search that was cut short may be longer than what remains of the one before, and so
+may the next one, and a robot that follows each could go back and forth.
 """
 
 from __future__ import annotations

@@ -151,7 +151,7 @@ def test_every_walk_of_legal_steps_is_put_together(checked_graph, world):
         ]
         graph.add_obstacles(rods)
     try:
-        for _ in range(60):  # a changed swing is rare
+        for _ in range(160):  # a changed swing is rare
             motion = check_walk(graph, random_walk(graph, rng, 8))
             kinds.update(step.swing for step in motion.steps)
     finally:

@@ -51,7 +51,7 @@ def least_w_m(graph, stances):
 
 def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
     """The base may be anywhere, or close to a target; values within rounding may go either way."""
-    sets = np.sort(neighbouring_points(graph, 50 * graph.limbs - 50, 0), axis=1)
+    sets = np.sort(neighbouring_points(graph, 100 if graph.limbs == 3 else 300, 0), axis=1)
     found, asked = graph.solver.in_reach(sets), graph.solver.thresholds[0]["w_m"]
     target = graph.grasp_map.positions.mean(axis=0)
     nearby = graph.solver.in_reach(sets, target, 1.0)
@@ -64,7 +64,7 @@ def test_a_set_is_in_reach_if_some_order_of_the_limbs_reaches_it(graph):
             if abs(least - asked) > 1e-5:
                 assert said == (least >= asked)
                 some += said
-    assert 5 < found.sum() < 90
+    assert 10 < found.sum() < 130
     assert some > found.sum()
 
 
