@@ -39,10 +39,9 @@ def course_of(graph, planner):
     graph.vacate()
 
 
-def after_step(graph, plan, k=0):
-    """The state after the first steps of a plan."""
-    state = graph.state(plan.stances[0])
-    return graph.states_along(state, [graph.indices(one) for one in plan.stances[1 : k + 2]])[-1]
+def after_step(graph, plan):
+    """The state after the first step of a plan."""
+    return graph.step_to(graph.state(plan.stances[0]), graph.indices(plan.stances[1]))
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])

@@ -50,8 +50,10 @@ def in_turn(graph, state, stances):
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
-@pytest.mark.parametrize("settings", [Settings(), Settings(transitions=False)], ids=["checked", ""])
-@pytest.mark.parametrize("half", [0.0, 0.1], ids=["free", "box"])
+@pytest.mark.parametrize(
+    "settings", [Settings(), Settings(transitions=False)], ids=["steps", "free"]
+)
+@pytest.mark.parametrize("half", [0.0, 0.1], ids=["empty", "box"])
 def test_states_along_stances_are_those_after_each_step_in_turn(small_map, robot, settings, half):
     graph, again = (stance_graph(small_map, robot, settings) for _ in range(2))
     rng, lengths = np.random.default_rng(3), set()
