@@ -134,6 +134,22 @@ class Evasion:
                 return arrival.steps[0].wait
         return None
 
+    def departure(self, rest: Rest, now: float) -> PreparedStep | None:
+        """Return a step from where the robot is, if crew members come nearer to it than `KEPT`.
+
+        It is any step. None is returned if the robot can stay, or has no step.
+        """
+        if now >= self.end or self._safe_until(rest, now, KEPT) == np.inf:
+            return None
+        moves = self._graph.successors(rest.state)
+        for k in range(len(moves.limb)):
+            limb, point = int(moves.limb[k]), int(moves.point[k])
+            branch_sets = moves.after(rest.state, k).branch_sets
+            step = self._executor.prepared(limb, point, branch_sets, rest)
+            if not isinstance(step, Failure):
+                return step
+        return None
+
     def escape(
         self, rest: Rest, now: float, margins: tuple[float, float], most: int | None = None
     ) -> EscapePath:

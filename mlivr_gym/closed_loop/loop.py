@@ -238,11 +238,12 @@ class _Loop:
         while not record.reason:
             plan = self._plan(executor.state)
             if plan is None:
-                break
+                continue
             if self._course.taken == len(plan.steps):
-                away = executor.configuration[0] - np.array(plan.query.goal)
-                distance = np.linalg.norm(away)
-                self._robot.end(ARRIVED, f"the base is {distance:.3f} m from the goal")
+                if not self._evades():
+                    away = executor.configuration[0] - np.array(plan.query.goal)
+                    distance = np.linalg.norm(away)
+                    self._robot.end(ARRIVED, f"the base is {distance:.3f} m from the goal")
             elif attempts == max_steps:
                 self._robot.end(STOPPED, f"no arrival within {max_steps} attempted steps")
             else:
@@ -253,7 +254,10 @@ class _Loop:
         record.refused = tuple(ids[point] for point in sorted(occupied))
 
     def _plan(self, state: State) -> Plan | None:
-        """Look round, and plan the remainder of the walk; end the walk if there is no plan."""
+        """Look round, and plan the remainder of the walk.
+
+        If there is no plan, the walk ends, unless the robot has to make way where it is.
+        """
         robot = self._robot
         try:
             if robot.fault is not None:
@@ -267,6 +271,8 @@ class _Loop:
             return None
         plan = self._course.plan
         if plan is None:
+            if self._evades():
+                return None
             is_proved = result.reason in PROVED_IMPOSSIBLE
             self.record.proved = is_proved and not self._belief.avoided
             robot.end(STOPPED, self._why_none(result))
@@ -306,7 +312,7 @@ class _Loop:
             self._course.taken += 1
             self.record.add_step(plan, taken)
 
-    def _attempt(self, prepared: PreparedStep, wait: float) -> bool:
+    def _attempt(self, prepared: PreparedStep, wait: float, is_hasty: bool = False) -> bool:
         """Wait and attempt a step, planning on from its end; return whether it was done."""
         looks = count(1)
 
@@ -315,12 +321,22 @@ class _Loop:
             if next(looks) % LOOKS == 0 and self._course.plan_ahead(prepared.after):
                 self.record.times_ahead.append(time.perf_counter() - began)
 
-        return self._robot.attempt(prepared, wait, plan_ahead)
+        return self._robot.attempt(prepared, wait, plan_ahead, is_hasty)
+
+    def _evades(self) -> bool:
+        """Make way if a crew member comes to where the robot is; return whether one does."""
+        executor = self._executor
+        rest, now = Rest(executor.state, executor.joints), executor.simulation.time
+        step = self._robot.evasion.departure(rest, now) if self._crew else None
+        if step is not None:
+            self._evade(step)
+        return step is not None
 
     def _evade(self, prepared: PreparedStep) -> None:
         """Take the first step out of the lanes of crew members in place of a step.
 
-        The robot holds if it is best to stay, or if no way out keeps any distance.
+        The step is hasty if only a way out without delays is left. The robot holds if it is best to
+        stay, or if no way out keeps any distance.
         """
         executor = self._executor
         rest, now = Rest(executor.state, executor.joints), executor.simulation.time
@@ -331,6 +347,6 @@ class _Loop:
             if escape.steps is not None:
                 break
         if escape.steps:
-            self._attempt(*escape.steps[0])
+            self._attempt(*escape.steps[0], is_hasty=margins[1] == 0.0)
         else:
             self._robot.hold(HOLDING_TIME, prepared)

@@ -166,14 +166,20 @@ class SensingRobot:
         return None
 
     def attempt(
-        self, step: PreparedStep, wait: float = 0.0, plan_ahead: Callable[[], None] | None = None
+        self,
+        step: PreparedStep,
+        wait: float = 0.0,
+        plan_ahead: Callable[[], None] | None = None,
+        is_hasty: bool = False,
     ) -> bool:
         """Wait [s], take a step, and go back if it fails; return whether it ended with a grasp.
 
-        `plan_ahead` is called after each look of the cameras that saw nothing in the way. The
-        record ends if the robot cannot go back.
+        `plan_ahead` is called after each look of the cameras that saw nothing in the way. In haste
+        the gripper takes hold sooner, see `Guidance.is_close`. The record ends if the robot cannot
+        go back.
         """
         executor, grasps = self.executor, step.trajectory.grasps
+        executor.simulation.is_hasty = is_hasty
         limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
         point = int(grasps[-1, limb])
         self.intervals = []
