@@ -354,8 +354,8 @@ carried out without looking. A robot that stopped holds all its points; its proo
 has sensed, and true if no plan exists from there in the whole module either. *Boxes that are gone*
 are {BOXES} more boxes in which the robot believes until it looks through them. Crew members cross
 the cabin at 0.5 m/s across or along it, and do not evade the
-robot; *unavoidable* are walks in which no sequence of steps from the start keeps the distance, with
-waits of whole seconds.
+robot; no walk ends while one comes to where the robot is. *Unavoidable* are walks in which no
+sequence of steps from the start keeps the distance, with waits of whole seconds.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"
