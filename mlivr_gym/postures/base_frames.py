@@ -1,15 +1,27 @@
-"""Body axes of a stance at roll zero, from which the candidate base poses are made."""
+"""Body axes of a stance at roll zero, from which the candidate base poses are made (compiled)."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.kinematics.batches import dots, mean_of_limbs, unit
+from mlivr_gym.compiled.kernels import entry, kernel, part
+from mlivr_gym.kinematics.poses import cross, dot, vector
 from mlivr_gym.postures.rule import TIE
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 OPPOSED = 0.2
 """A mean surface normal shorter than this marks a stance between opposite walls."""
+
+
+def mount_azimuths(limbs: int) -> Array:
+    """Return directions of mounts at equal angles across the body's z axis, shape (N, 2)."""
+    angles = 2.0 * np.pi * np.arange(limbs) / limbs
+    return np.stack([np.cos(angles), np.sin(angles)], axis=1)
 
 
 def base_frames(
@@ -25,60 +37,115 @@ def base_frames(
     body's z axis (N, 2), None for equal angles. Returned are body axes as columns (k, 3, 3),
     outward directions (k, 3), roll axes (k, 3), and whether the held walls are opposite (k,).
     """
-    count = positions.shape[1]
-    line = positions[:, 0].copy()
-    degenerate = dots(line, line) < 1e-12
-    line[degenerate] = rails[degenerate]
-    line = unit(line)
-    outward = mean_of_limbs(normals)
-    if count == 2:
+    count, limbs = positions.shape[:2]
+    frames, outward, lines = np.empty((count, 3, 3)), np.empty((count, 3)), np.empty((count, 3))
+    opposed = np.empty(count, dtype=np.bool_)
+    directions = mount_azimuths(limbs) if mounts is None else mounts
+    grasps = tuple(np.ascontiguousarray(one, dtype=float) for one in (positions, normals, rails))
+    _set_frames(grasps, directions, (frames, outward, lines), opposed)
+    return frames, outward, lines, opposed
+
+
+@entry
+def _set_frames(
+    grasps: tuple[Array, ...], mounts: Array, axes: tuple[Array, Array, Array], opposed: BoolArray
+) -> None:
+    """Write the results of `base_frames` for positions, normals and rails of grasps."""
+    (positions, normals, rails), (frames, outward, lines) = grasps, axes
+    for k in range(len(opposed)):
+        opposed[k] = set_frame(
+            positions[k], normals[k], vector(rails[k]), mounts, (frames[k], outward[k], lines[k])
+        )
+
+
+@kernel
+def set_frame(
+    positions: Array,
+    normals: Array,
+    rail: Triple,
+    mounts: Array,
+    axes: tuple[Array, Array, Array],
+) -> bool:
+    """Write body axes, outward direction and roll axis of a stance, see `base_frames`.
+
+    Returned is whether the held walls are opposite.
+    """
+    limbs, line = len(positions), vector(positions[0])
+    if dot(line, line) < 1e-12:
+        line = rail
+    line = scaled_to_one(line)
+    outward = mean_over_limbs(normals)
+    if limbs == 2:
         outward = _perpendicular(outward, line)
-    opposed = dots(outward, outward) < OPPOSED**2
-    sides = np.cross(normals[:, 0], rails)
-    around = _perpendicular(rails, line)
-    along_rail = dots(around, around) < 1e-6
-    around[along_rail] = _perpendicular(sides, line)[along_rail]
-    outward[opposed] = around[opposed]
-    outward = unit(outward)
-    e1 = _perpendicular(rails, outward)
-    upright = dots(e1, e1) < 1e-6
-    e1[upright] = _perpendicular(sides, outward)[upright]
-    e1 = unit(e1)
-    e2 = np.cross(outward, e1)
-    (cosine, sine), is_mirrored = _fit_yaw(positions, e1, e2, mounts)
-    x = cosine[:, None] * e1 + sine[:, None] * e2
-    z = np.where(is_mirrored[:, None], -outward, outward)
-    return np.stack([x, np.cross(z, x), z], axis=2), outward, line, opposed
+    opposed = dot(outward, outward) < OPPOSED * OPPOSED
+    side = cross(vector(normals[0]), rail)
+    if opposed:
+        outward = _perpendicular(rail, line)
+        if dot(outward, outward) < 1e-6:
+            outward = _perpendicular(side, line)
+    outward = scaled_to_one(outward)
+    e1 = _perpendicular(rail, outward)
+    if dot(e1, e1) < 1e-6:
+        e1 = _perpendicular(side, outward)
+    e1 = scaled_to_one(e1)
+    e2 = cross(outward, e1)
+    cosine, sine, is_mirrored = _fit_yaw(positions, e1, e2, mounts)
+    x = (
+        cosine * e1[0] + sine * e2[0],
+        cosine * e1[1] + sine * e2[1],
+        cosine * e1[2] + sine * e2[2],
+    )
+    z = (-outward[0], -outward[1], -outward[2]) if is_mirrored else outward
+    y = cross(z, x)
+    frame, out, roll_axis = axes
+    for k in range(3):
+        frame[k, 0], frame[k, 1], frame[k, 2] = x[k], y[k], z[k]
+        out[k], roll_axis[k] = outward[k], line[k]
+    return bool(opposed)
 
 
-def _fit_yaw(
-    positions: Array, e1: Array, e2: Array, mounts: Array | None
-) -> tuple[tuple[Array, Array], BoolArray]:
+@part
+def _fit_yaw(positions: Array, e1: Triple, e2: Triple, mounts: Array) -> tuple[float, float, bool]:
     """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
     Returned are cosine and sine of the yaw, and whether the reversed order of the mounts fits
-    better, shape (k,) each.
+    better.
     """
-    limbs = positions.shape[1]
-    angles = 2.0 * np.pi * np.arange(limbs) / limbs
-    across = (np.cos(angles), np.sin(angles)) if mounts is None else (mounts[:, 0], mounts[:, 1])
-    fit, mirrored = np.zeros((2, len(positions))), np.zeros((2, len(positions)))
-    for limb, (c, s) in enumerate(zip(*across, strict=True)):
-        u, v = dots(positions[:, limb], e1), dots(positions[:, limb], e2)
-        fit += u * c + v * s, v * c - u * s
-        mirrored += u * c - v * s, v * c + u * s
-    size, mirrored_size = (np.sqrt(a * a + b * b) for a, b in (fit, mirrored))
+    fit_c = fit_s = mirrored_c = mirrored_s = 0.0
+    for limb in range(len(positions)):
+        c, s, grasp = mounts[limb, 0], mounts[limb, 1], vector(positions[limb])
+        u, v = dot(grasp, e1), dot(grasp, e2)
+        fit_c, fit_s = fit_c + (u * c + v * s), fit_s + (v * c - u * s)
+        mirrored_c, mirrored_s = mirrored_c + (u * c - v * s), mirrored_s + (v * c + u * s)
+    size = np.sqrt(fit_c * fit_c + fit_s * fit_s)
+    mirrored_size = np.sqrt(mirrored_c * mirrored_c + mirrored_s * mirrored_s)
     is_mirrored = mirrored_size > size * (1.0 + TIE) + TIE
-    chosen, length = (
-        np.where(is_mirrored, mirrored, fit),
-        np.where(is_mirrored, mirrored_size, size),
-    )
-    undefined = length == 0.0
-    length[undefined], chosen[0, undefined] = 1.0, 1.0
-    return (chosen[0] / length, chosen[1] / length), is_mirrored
+    if is_mirrored:
+        fit_c, fit_s, size = mirrored_c, mirrored_s, mirrored_size
+    if size == 0.0:
+        return 1.0, fit_s, is_mirrored
+    return fit_c / size, fit_s / size, is_mirrored
 
 
-def _perpendicular(vectors: Array, axes: Array) -> Array:
-    """Return the parts of vectors that are perpendicular to unit axes, both of shape (k, 3)."""
-    across: Array = vectors - axes * dots(vectors, axes)[:, None]
-    return across
+@kernel
+def mean_over_limbs(values: Array) -> Triple:
+    """Return the mean of vectors of the limbs, shape (N, 3)."""
+    x, y, z = vector(values[0])
+    for limb in range(1, len(values)):
+        x, y, z = x + values[limb, 0], y + values[limb, 1], z + values[limb, 2]
+    limbs = len(values)
+    return x / limbs, y / limbs, z / limbs
+
+
+@kernel
+def scaled_to_one(v: Triple) -> Triple:
+    """Return a vector scaled to length 1."""
+    size = np.sqrt(dot(v, v))
+    return v[0] / size, v[1] / size, v[2] / size
+
+
+@kernel
+def _perpendicular(v: Triple, axis: Triple) -> Triple:
+    """Return the part of a vector that is perpendicular to a unit axis."""
+    share = dot(v, axis)
+    return v[0] - axis[0] * share, v[1] - axis[1] * share, v[2] - axis[2] * share

@@ -12,16 +12,15 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.batches import mean_of_limbs, rotate
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.base_frames import base_frames, mount_azimuths
+from mlivr_gym.postures.base_poses import BaseRule, BaseScratch, set_bases
 from mlivr_gym.postures.geometries import (
     RelativeGeometries,
     geometries_of_rows,
-    in_world,
     relative_geometries,
 )
-from mlivr_gym.postures.records import PostureRule, StanceGeometry, set_candidates
-from mlivr_gym.postures.relabelling import first_limbs, relabelled, relabelled_frames
-from mlivr_gym.postures.selection import set_poses
+from mlivr_gym.postures.records import PostureRule, set_candidates
+from mlivr_gym.postures.relabelling import turns_to_mounts
 from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
@@ -29,8 +28,15 @@ from mlivr_gym.world.grasp_map import GraspMap
 OPPOSED_HEIGHTS = (0.15, 0.25, 0.35, 0.45)
 """Candidate distances of the base from the line through the grasps between opposite walls [m]."""
 
-OPPOSED_ROLLS = 12
-"""Number of candidate rolls between opposite walls, over a full turn."""
+OPPOSED_ROLLS = geometric_order(2.0 * np.pi * np.arange(12) / 12)
+"""Candidate rolls between opposite walls [rad], over a full turn."""
+
+
+def heights_and_rolls(robot: RobotSpec) -> tuple[Array, Array, Array, Array]:
+    """Return a robot's candidate heights [m] and rolls [rad], and those between opposite walls."""
+    every = robot.heights, robot.rolls, OPPOSED_HEIGHTS, OPPOSED_ROLLS
+    heights, rolls, opposed_heights, opposed_rolls = map(np.array, every)
+    return heights, rolls, opposed_heights, opposed_rolls
 
 
 class Candidates(NamedTuple):
@@ -50,36 +56,16 @@ class Candidates(NamedTuple):
     @classmethod
     def of(cls, robot: RobotSpec, geometry: RelativeGeometries) -> Candidates:
         """Return a robot's candidates for given grasps."""
-        opposed_rolls = 2.0 * np.pi * np.arange(OPPOSED_ROLLS) / OPPOSED_ROLLS
-        return cls(
-            base_frames(
-                geometry.positions,
-                geometry.normals,
-                np.ascontiguousarray(geometry.rails[:, 0]),
-                None if robot.is_symmetric else robot.mount_directions,
-            ),
-            np.array(robot.heights),
-            np.array(robot.rolls),
-            np.array(OPPOSED_HEIGHTS),
-            np.array(geometric_order(opposed_rolls)),
-        )
+        mounts = None if robot.is_symmetric else robot.mount_directions
+        rails = np.ascontiguousarray(geometry.rails[:, 0])
+        frames = base_frames(geometry.positions, geometry.normals, rails, mounts)
+        return cls(frames, *heights_and_rolls(robot))
 
     def write(self, stances: Any, rules: Any) -> None:
         """Write the candidates into records of `StanceGeometry` and a record of `PostureRule`."""
         for name, array in zip(("frame", "out", "line", "opposed"), self.frames, strict=True):
             stances[name] = array
         set_candidates(rules[0], self[1:])
-
-    def poses(self, numbers: IntArray) -> Any:
-        """Return one base pose of each stance by number, relative to the centroid of its grasps.
-
-        They are records of `Pose`, shape (k,).
-        """
-        count, rules = len(numbers), PostureRule.rows(1)
-        stances, out = StanceGeometry.rows(count), Pose.rows(count)
-        self.write(stances, rules)
-        set_poses(stances, rules, numbers, out)
-        return out
 
 
 def geometries_in_world(grasp_map: GraspMap, stances: IntArray) -> RelativeGeometries:
@@ -110,14 +96,7 @@ def bases_of_ordered(
 
     See `bases_at`.
     """
-    rows, inverse = relative_geometries(grasp_map, stances)
-    # Each pose is computed once in the frame of the first grasp.
-    count = int(numbers.max(initial=0)) + 1
-    poses, pose_of = np.unique(inverse * count + numbers, return_inverse=True)
-    geometry, centroids = geometries_of_rows(rows[poses // count], robot.limbs)
-    found = Candidates.of(robot, geometry).poses(poses % count)
-    local = found["position"] + centroids
-    return in_world(grasp_map, stances[:, 0], local[pose_of], found["rotation"][pose_of])
+    return _bases(grasp_map, robot, stances, numbers, np.empty((0, 3, 3)))
 
 
 def bases_at(
@@ -128,8 +107,20 @@ def bases_at(
     They equal those of `Postures` to the last bit. Stances are point indices, shape (k, N);
     returned are positions [m], shape (k, 3), and rotations, shape (k, 3, 3).
     """
-    relabellings = first_limbs(grasp_map, stances, robot.is_symmetric)
-    positions, rotations = bases_of_ordered(
-        grasp_map, robot, relabelled(stances, relabellings), numbers
-    )
-    return positions, relabelled_frames(rotations, -relabellings, robot.limbs)
+    turns = turns_to_mounts(robot.limbs)[-np.arange(robot.limbs)]
+    return _bases(grasp_map, robot, stances, numbers, turns)
+
+
+def _bases(
+    grasp_map: GraspMap, robot: RobotSpec, stances: IntArray, numbers: IntArray, turns: Array
+) -> tuple[Array, Array]:
+    """Return base poses by number; the turns are those of `BaseRule`."""
+    candidates, limbs = PostureRule.rows(1), robot.limbs
+    set_candidates(candidates[0], heights_and_rolls(robot))
+    mounts = mount_azimuths(limbs) if robot.is_symmetric else robot.mount_directions
+    has_first = len(turns) > 0 and limbs > 2 and robot.is_symmetric
+    frames = grasp_map.positions, grasp_map.rotations
+    rule = BaseRule(*frames, candidates, mounts, has_first, turns)
+    out, whole = Pose.rows(len(stances)), (np.ascontiguousarray(stances), np.asarray(numbers))
+    set_bases(*whole, rule, BaseScratch.allocate(limbs), out)
+    return out["position"].copy(), out["rotation"].copy()

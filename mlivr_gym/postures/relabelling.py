@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.kinematics.batches import chain
 from mlivr_gym.postures.geometries import RESOLUTION
 from mlivr_gym.robot.specification import RobotSpec
@@ -44,12 +45,17 @@ def relabelled_frames(rotations: Array, relabellings: IntArray, limbs: int) -> A
 
     The x axis of the base points to the mount of limb 0.
     """
+    return chain(rotations, turns_to_mounts(limbs)[relabellings % limbs])
+
+
+def turns_to_mounts(limbs: int) -> Array:
+    """Return the rotations that turn the mount of limb 0 to those of all limbs, (N, 3, 3)."""
     angles = 2.0 * np.pi * np.arange(limbs) / limbs
     yaw = np.zeros((limbs, 3, 3))
     yaw[:, 0, 0] = yaw[:, 1, 1] = np.cos(angles)
     yaw[:, 1, 0], yaw[:, 0, 1] = np.sin(angles), -np.sin(angles)
     yaw[:, 2, 2] = 1.0
-    return chain(rotations, yaw[relabellings % limbs])
+    return yaw
 
 
 def lowest_first(stances: IntArray) -> IntArray:
@@ -67,35 +73,54 @@ def first_limbs(grasp_map: GraspMap, stances: IntArray, is_symmetric: bool = Tru
     decide: the lower x, y, z. Of two limbs it is limb 0, as of limbs that differ or are not mounted
     evenly.
     """
-    if stances.shape[1] == 2 or not is_symmetric:
-        return np.zeros(len(stances), dtype=np.int64)
-    positions = grasp_map.positions[stances]
-    away = _rounded(positions - positions.mean(axis=1, keepdims=True))
-    limbs: IntArray = away.argmin(axis=1)
-    tied = np.flatnonzero((away == away.min(axis=1, keepdims=True)).sum(axis=1) > 1)
-    if len(tied):
-        some = positions[tied]
-        apart = _rounded(np.roll(some, -1, axis=1) - some)
-        limbs[tied] = _smallest_relabelling(away[tied], apart, *np.moveaxis(some, 2, 0))
-    return limbs
+    first = np.zeros(len(stances), dtype=np.int64)
+    if stances.shape[1] > 2 and is_symmetric:
+        _set_first_limbs(grasp_map.positions, stances, sorting_keys(stances.shape[1]), first)
+    return first
 
 
-def _rounded(vectors: Array) -> Array:
-    """Return lengths as whole multiples of `RESOLUTION`, shape (k, N, 3) -> (k, N)."""
-    lengths: Array = np.rint(np.linalg.norm(vectors, axis=2) / RESOLUTION)
-    return lengths
+def sorting_keys(limbs: int) -> Array:
+    """Return the array in which `first_limb` writes what it compares of each limb."""
+    return np.empty((5, limbs))
 
 
-def _smallest_relabelling(*values: Array) -> IntArray:
-    """Return the relabellings that make the values of the limbs lexicographically smallest.
+@entry
+def _set_first_limbs(positions: Array, stances: IntArray, keys: Array, first: IntArray) -> None:
+    """Write the first limb of each stance, see `first_limbs`."""
+    for k in range(len(stances)):
+        first[k] = first_limb(positions, stances[k], keys)
 
-    Each array of values has shape (k, N); the first array counts first.
-    """
-    count, limbs = values[0].shape
-    alive = np.ones((count, limbs), dtype=np.bool_)
-    for one in values:
+
+@kernel
+def first_limb(positions: Array, stance: IntArray, keys: Array) -> int:
+    """Return the first limb of a stance, see `first_limbs`, with work space of `sorting_keys`."""
+    limbs, first = len(stance), 0
+    for axis in range(3):
+        total = positions[stance[0], axis]
+        for limb in range(1, limbs):
+            total += positions[stance[limb], axis]
+        for limb in range(limbs):
+            here, after = positions[stance[limb], axis], positions[stance[(limb + 1) % limbs], axis]
+            keys[2 + axis, limb] = here
+            away, apart = here - total / limbs, after - here
+            keys[0, limb] = away * away + (keys[0, limb] if axis else 0.0)
+            keys[1, limb] = apart * apart + (keys[1, limb] if axis else 0.0)
+    for limb in range(limbs):
+        for kind in range(2):
+            keys[kind, limb] = np.rint(np.sqrt(keys[kind, limb]) / RESOLUTION)
+    for limb in range(1, limbs):
+        if _comes_before(limb, first, keys):
+            first = limb
+    return first
+
+
+@kernel
+def _comes_before(one: int, other: int, keys: Array) -> bool:
+    """Return whether the keys of all limbs from one on, by kind, are smaller than from another."""
+    limbs = keys.shape[1]
+    for kind in range(len(keys)):
         for i in range(limbs):
-            here = np.where(alive, np.roll(one, -i, axis=1), np.inf)
-            alive &= here == here.min(axis=1, keepdims=True)
-    relabellings: IntArray = alive.argmax(axis=1)
-    return relabellings
+            a, b = keys[kind, (one + i) % limbs], keys[kind, (other + i) % limbs]
+            if a != b:
+                return bool(a < b)
+    return False

@@ -175,12 +175,10 @@ def _evaluate_candidates(
 ) -> int:
     """Set up the candidate base poses of a stance and return their number."""
     floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
-    count = rule.roll_count * rule.height_count
-    if geometry.opposed:
-        count = rule.opposed_roll_count * rule.opposed_height_count
+    count = pose_count(geometry, rule)
     for c in range(count):
         candidate = scratch.candidates[c]
-        _set_pose(geometry, rule, c, candidate.base)
+        set_pose(geometry, rule, c, candidate.base)
         candidate.margin_bound = (
             evaluate_reach(robot, geometry, floor, candidate, scratch) / rule.scale_m
         )
@@ -188,7 +186,15 @@ def _evaluate_candidates(
 
 
 @kernel
-def _set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -> None:
+def pose_count(geometry: StanceGeometry, rule: PostureRule) -> int:
+    """Return the number of candidate base poses of a stance."""
+    if geometry.opposed:
+        return rule.opposed_roll_count * rule.opposed_height_count
+    return rule.roll_count * rule.height_count
+
+
+@kernel
+def set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -> None:
     """Set `base` to candidate base pose `c` of a stance, relative to the centroid of its grasps."""
     rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
     if geometry.opposed:
@@ -207,23 +213,6 @@ def _set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -
         base.position[k] = height * up[k]
         for col in range(3):
             base.rotation[k, col] = axes[col][k]
-
-
-@entry
-def set_poses(stances: Any, rules: Any, numbers: IntArray, out: Any) -> None:
-    """Compute one candidate base pose of each of k stances, relative to the centroid of its grasps.
-
-    `stances` are records of `StanceGeometry`, `rules` is one of `PostureRule` with the candidates,
-    and `numbers` are indices among these; one that does not exist is skipped. Records of `Pose` are
-    filled.
-    """
-    rule = rules[0]
-    for k in range(len(numbers)):
-        count = rule.roll_count * rule.height_count
-        if stances[k].opposed:
-            count = rule.opposed_roll_count * rule.opposed_height_count
-        if numbers[k] < count:
-            _set_pose(stances[k], rule, numbers[k], out[k])
 
 
 @kernel
