@@ -113,7 +113,8 @@ class CheckedSteps(ChangingWorld):
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
-            self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
+            if not stances.releases["known"][row, limb].all():
+                self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
             branches = stances.releases["branches"][row, limb]
             if end == "before":
                 both = zip(steps["branches"][able, limb].tolist(), branches.tolist(), strict=True)

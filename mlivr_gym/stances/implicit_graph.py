@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS
-from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.postures import Postures, PostureTable
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
@@ -25,6 +26,13 @@ from mlivr_gym.world.grasp_map import GraspMap
 SAME = 1e-9
 """Difference up to which two base poses are the same [m], also for entries of rotations."""
 
+MOST_RELEASES, MOST_POSTURES = 1 << 16, 1 << 14
+"""Number of releases and of postures without obstacles that are kept for other obstacles; they take
+some 30 and 8 MB."""
+
+FEW = 64
+"""Number of stances up to which postures are kept."""
+
 
 class ImplicitGraph(StanceGraph):
     """Stance graph of any number of limbs, whose nodes and steps are computed on demand."""
@@ -34,7 +42,30 @@ class ImplicitGraph(StanceGraph):
         super().__init__(grasp_map, robot, settings)
         len(self.pairs)  # raises an error at once if no two points may be held
         self._releases: dict[tuple[bytes, int], Any] = {}
+        self._free_releases: dict[tuple[bytes, int], Any] = {}
+        self._forget_postures()
         self._sets: StanceSets | None = None
+
+    def _forget_postures(self) -> None:
+        """Forget the postures without obstacles."""
+        self._place_of: dict[bytes, int] = {}
+        self._free_postures = PostureTable(self.limbs)
+
+    def postures(self, stances: IntArray) -> Postures:
+        """Return the postures of stances, see `StanceGraph.postures`; those of a few are kept."""
+        rows = self.rows_of_points(stances)
+        if len(rows) > FEW:
+            return super().postures(rows)
+        if self._free_postures.used > MOST_POSTURES:
+            self._forget_postures()
+        keys = [row.tobytes() for row in rows]
+        new = {key: k for k, key in enumerate(keys) if key not in self._place_of}
+        if new:
+            first = self._free_postures.used
+            self._free_postures.append(self.solver.solve(rows[list(new.values())]))
+            self._place_of |= {key: first + k for k, key in enumerate(new)}
+        index = np.array([self._place_of[key] for key in keys], dtype=np.int64)
+        return self.among_obstacles(rows, self._free_postures.take(index))
 
     def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
         """Return the sets of points that limbs may hold at once, see `StanceSets.of`."""
@@ -63,7 +94,7 @@ class ImplicitGraph(StanceGraph):
                 stances.releases[row, limb] = found
         unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
         if self.obstacles:
-            self._check_releases_among_obstacles(stances, unknown)
+            self._check_releases_among_obstacles(stances, unknown, [key for *_, key in new])
         else:
             super()._check_releases(stances, unknown)
         rows, limbs = unknown.T
@@ -71,16 +102,32 @@ class ImplicitGraph(StanceGraph):
         for row, limb, key in new:
             self._releases[key] = stances.releases[row, limb].copy()
 
-    def _check_releases_among_obstacles(self, stances: StanceArrays, todo: IntArray) -> None:
-        """Compute releases among obstacles.
+    def _check_releases_among_obstacles(
+        self, stances: StanceArrays, todo: IntArray, keys: list[tuple[bytes, int]]
+    ) -> None:
+        """Compute releases among obstacles, each with its key.
 
         The motion by which a limb is released is chosen without obstacles, which only remove
-        branches from it: so obstacles never add a step. Branches on which the table says that a
-        limb cannot be released need no check, and if it can reach one fold at most, its motion is
-        known and is compared with the obstacles alone.
+        branches from it: so obstacles never add a step. It is kept for other obstacles.
         """
-        if not len(todo):
-            return
+        known = self._free_releases
+        if len(known) > MOST_RELEASES:
+            known.clear()
+        new = [k for k, key in enumerate(keys) if key not in known]
+        if new:
+            for k, release in zip(new, self._released_freely(stances, todo[new]), strict=True):
+                known[keys[k]] = release.copy()
+        for (row, limb), key in zip(todo.tolist(), keys, strict=True):
+            stances.releases[row, limb] = known[key]
+        every = stances._replace(branch_sets=np.full_like(stances.branch_sets, ALL))
+        self.checks.release(every, todo, self.checks.world(self.obstacle_grid, obstacles_only=True))
+
+    def _released_freely(self, stances: StanceArrays, todo: IntArray) -> Any:
+        """Return releases without obstacles, rows of `ReleaseRecord`, shape (k,).
+
+        Branches on which the table says that a limb cannot be released need no check, and if it can
+        reach one fold at most, its motion is known.
+        """
         rows, limbs = todo.T
         chosen, place = np.unique(rows, return_inverse=True)
         free = StanceArrays(*(one[place] for one in self._free_stances(stances, chosen)))
@@ -91,10 +138,9 @@ class ImplicitGraph(StanceGraph):
         fold = np.bitwise_count(np.maximum(folds, 1) - 1)
         releases["root"][items, limbs], releases["via"][items, limbs] = fold, fold[:, None]
         one_fold = is_known & (np.bitwise_count(folds) <= 1)
-        for some, obstacles_only in ((one_fold, True), (~one_fold, False)):
-            world = self.checks.world(self.obstacle_grid, obstacles_only)
-            self.checks.release(free, np.stack([items, limbs], axis=1)[some], world)
-        stances.releases[rows, limbs] = releases[items, limbs]
+        checked = np.stack([items, limbs], axis=1)[~one_fold]
+        self.checks.release(free, checked, self.checks.world(None))
+        return releases[items, limbs]
 
     def _free_stances(self, stances: StanceArrays, rows: IntArray) -> StanceArrays:
         """Return some stances as they are without obstacles, with releases that the table knows."""

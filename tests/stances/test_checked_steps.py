@@ -76,3 +76,35 @@ def test_states_along_stances_are_those_after_each_step_in_turn(small_map, robot
             assert again.states_along(start, chosen) == expected
             lengths.add(len(expected))
     assert len(lengths) > 2
+
+
+@pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
+def test_releases_and_postures_are_those_of_a_graph_without_a_past(small_map, robot):
+    """Also among obstacles that replaced others, and with a point that was occupied in between."""
+    graph, rng = stance_graph(small_map, robot), np.random.default_rng(8)
+    stances = np.array([random_state(graph, rng).stance for _ in range(12)])
+    centre = graph.postures(stances).base_position.mean(axis=0)
+    boxes = [
+        Box(f"b{k}", "obstacle", tuple(centre + rng.uniform(-0.5, 0.5, 3)), (0.1, 0.1, 0.1))
+        for k in range(3)
+    ]
+    every = []
+    for box in (*boxes, boxes[0]):
+        graph.remove_obstacles()
+        graph.add_obstacles([box])
+        graph.occupy([int(stances[0, 0])])
+        graph.postures(stances)
+        graph.vacate()
+        fresh = stance_graph(small_map, robot)
+        fresh.add_obstacles([box])
+        postures = graph.postures(stances)
+        for name in ("base_position", "base_rotation", "branch_sets", "w_m"):
+            expected = getattr(fresh.postures(stances), name)
+            np.testing.assert_array_equal(getattr(postures, name), expected)
+        nodes = graph.is_node(postures)
+        releases = graph.all_releases(stances[nodes], postures.take(nodes))
+        expected = fresh.all_releases(stances[nodes], postures.take(nodes))
+        for name in ("branches", "folds"):
+            np.testing.assert_array_equal(releases[name], expected[name])
+        every.append(postures.branch_sets.tolist())
+    assert len({str(one) for one in every}) > 1
