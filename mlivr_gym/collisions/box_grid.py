@@ -13,6 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
+from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import UNIT, Box
 
@@ -172,17 +173,34 @@ def _empty_region(low: Array, high: Array, hull: Array) -> Array:
         return empty
     core = hull.copy()
     away = np.maximum(np.maximum(low - seed, seed - high), 0.0).max(axis=1)
-    for b in np.argsort(away, kind="stable"):
-        if (low[b] >= core[1]).any() or (high[b] <= core[0]).any():
-            continue
-        best, cut = -1.0, core
-        for axis in range(3):
-            for side, face in ((1, low[b, axis]), (0, high[b, axis])):
-                trial = core.copy()
-                trial[side, axis] = face
-                if trial[0, axis] < seed[axis] < trial[1, axis]:
-                    volume = float((trial[1] - trial[0]).prod())
-                    if volume > best:
-                        best, cut = volume, trial
-        core = cut
+    order = np.argsort(away, kind="stable")
+    cut_to_empty(np.stack([low[order], high[order]], axis=1), seed, core)
     return core
+
+
+@entry
+def cut_to_empty(boxes: Array, seed: Array, core: Array) -> None:
+    """Cut a region, (2, 3), at each box in it, (n, 2, 3), to the largest part about a point, (3,).
+
+    The corners and the point are positions [m].
+    """
+    for b in range(len(boxes)):
+        best, best_side, best_axis, is_in = -1.0, 0, -1, True
+        for axis in range(3):
+            if boxes[b, 0, axis] >= core[1, axis] or boxes[b, 1, axis] <= core[0, axis]:
+                is_in = False
+        for axis in range(3 if is_in else 0):
+            for side in range(1, -1, -1):
+                face = boxes[b, 1 - side, axis]
+                if side and not core[0, axis] < seed[axis] < face:
+                    continue
+                if not side and not face < seed[axis] < core[1, axis]:
+                    continue
+                volume = face - core[0, axis] if side else core[1, axis] - face
+                for other in range(3):
+                    if other != axis:
+                        volume *= core[1, other] - core[0, other]
+                if volume > best:
+                    best, best_side, best_axis = volume, side, axis
+        if best_axis >= 0:
+            core[best_side, best_axis] = boxes[b, 1 - best_side, best_axis]

@@ -123,6 +123,24 @@ def number_cells(
         cell[k] = number[cell[k]]
 
 
+@entry
+def mark_close_cells(low: Array, bounds: Array, reach: float, close: BoolArray) -> None:
+    """Mark the cells within `reach` of one of some boxes.
+
+    The lower corners of the cells have shape (c, 3), the bounds of the boxes (g, 2, 3) [m].
+    """
+    for c in range(len(low)):
+        for g in range(len(bounds)):
+            square = 0.0
+            for axis in range(3):
+                above = bounds[g, 0, axis] - (low[c, axis] + CELL_EDGE)
+                gap = max(low[c, axis] - bounds[g, 1, axis], above, 0.0)
+                square += gap * gap
+            if square <= reach * reach:
+                close[c] = True
+                break
+
+
 class ChangingWorld(ABC):
     """A robot on a map whose obstacles and occupied points change."""
 
@@ -143,6 +161,7 @@ class ChangingWorld(ABC):
         """The check of releases and steps."""
         self.obstacle_grid: BoxGrid | None = None
         """The obstacles as compiled code reads them, None if there are none."""
+        self._touches_at: BoolArray | None = None
 
     @checked({"boxes": BOXES, "replaced": IDS})
     def add_obstacles(self, boxes: Sequence[Box], *, replaced: Sequence[str] = ()) -> None:
@@ -207,6 +226,7 @@ class ChangingWorld(ABC):
         """Set the obstacles and occupied points, and forget what depended on them."""
         if boxes != self.obstacles:
             self.obstacle_grid = box_grid(boxes, OBSTACLE_CELL_EDGE) if boxes else None
+            self._touches_at = None
         before = len(self.obstacles)
         is_more = boxes[:before] == self.obstacles and self.occupied <= occupied
         self.obstacles, self.occupied = boxes, frozenset(occupied)
@@ -236,18 +256,22 @@ class ChangingWorld(ABC):
     def close_to_obstacles(
         self, positions: PositionCells, reach: float, grid: BoxGrid | None = None
     ) -> BoolArray:
-        """Return which positions may be within `reach` of obstacles, shape (n,).
+        """Return which positions may be within `reach` of obstacles, see `close_cells`, (n,)."""
+        return np.asarray(self.close_cells(positions, reach, grid)[positions.cell])
+
+    def close_cells(
+        self, positions: PositionCells, reach: float, grid: BoxGrid | None = None
+    ) -> BoolArray:
+        """Return which cells of positions may be within `reach` of obstacles, shape (c,).
 
         Boxes of a grid, by default all obstacles, whose centres are close to each other count as
         one that contains them.
         """
-        low, high = positions.low, positions.low + CELL_EDGE
-        close, grid = np.zeros(len(low), dtype=np.bool_), grid or self.obstacle_grid
-        for first, last in () if grid is None else grouped_bounds(grid, GROUP_EDGE * reach):
-            rest = np.flatnonzero(~close)
-            gaps = np.maximum(np.maximum(low[rest] - last, first - high[rest]), 0.0)
-            close[rest] = np.einsum("ij,ij->i", gaps, gaps) <= (reach + SLACK) ** 2
-        return np.asarray(close[positions.cell])
+        close, grid = np.zeros(len(positions.low), dtype=np.bool_), grid or self.obstacle_grid
+        if grid is not None:
+            bounds = grouped_bounds(grid, GROUP_EDGE * reach)
+            mark_close_cells(positions.low, bounds, reach + SLACK, close)
+        return close
 
     def among_obstacles(self, points: IntArray, postures: Postures) -> Postures:
         """Remove what obstacles and occupied points exclude from postures, and return them.
@@ -265,8 +289,9 @@ class ChangingWorld(ABC):
             return
         every, checked = np.arange(len(points)), postures.checked(points, True)
         self.solver.remove_touching(every, checked, self.obstacle_grid)
-        causes = self.solver.causes_at_points(self.obstacle_grid)
-        postures.branch_sets[(causes[points] > 0).any(axis=1)] = 0
+        if self._touches_at is None:
+            self._touches_at = self.solver.causes_at_points(self.obstacle_grid) > 0
+        postures.branch_sets[self._touches_at[points].any(axis=1)] = 0
 
 
 def grouped_bounds(grid: BoxGrid, edge: float) -> Array:

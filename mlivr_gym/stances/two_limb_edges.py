@@ -185,10 +185,13 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         branch_sets[gone] = 0
         self._added = self.checks.world(added, obstacles_only=True)
         self._before = before.stances.releases
+        self._added_alone = before is free and added is obstacles
         # As bytes: NumPy copies records field by field, which takes fourteen times as long.
         kind = free.stances.releases.dtype
-        releases = before.stances.releases.view(np.uint8).copy()
-        releases[close] = free.stances.releases.view(np.uint8)[close]
+        source = free if close.all() else before
+        releases = source.stances.releases.view(np.uint8).copy()
+        if source is not free:
+            releases[close] = free.stances.releases.view(np.uint8)[close]
         releases = releases.view(kind)
         releases["branches"][gone] = 0
         releases["known"][gone] = True
@@ -248,9 +251,11 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
 
     def check_nodes(self, chosen: slice | IntArray) -> None:
         """Remove the branches of stances that touch obstacles, once."""
-        rows = np.unique(np.arange(len(self.unchecked))[chosen])
-        rows = rows[self.unchecked[rows]]
+        if isinstance(chosen, slice):
+            chosen = np.arange(len(self.unchecked))[chosen]
+        rows = chosen[self.unchecked[chosen]]
         if len(rows) and self._obstacles is not None:
+            rows = np.unique(rows)
             self.unchecked[rows] = False
             self.checks.solver.remove_touching(rows, self._postures, self._obstacles)
 
@@ -289,6 +294,8 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         without = releases[s, limb]
         releases[s, limb] = before[known]
         self.checks.release(self.stances, todo[known], self._added)
+        if self._added_alone:  # what was found so is what is found among all obstacles
+            return np.asarray(todo[~known])
         differs = _differ(releases[s, limb], before[known])
         releases[s[differs], limb[differs]] = without[differs]
         known[known] = ~differs
@@ -299,7 +306,8 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         support, before, after = self._unknown(support, before, after)
         if not len(support):
             return
-        self.free.check_steps(support, before, after)
+        if not self.free.is_complete:
+            self.free.check_steps(support, before, after)
         self.check_nodes(np.concatenate([before, after]))
         support, before, after = self._changed_steps(support, before, after)
         sets, moving, releases = self.stances.branch_sets, 1 - support, self.stances.releases

@@ -317,7 +317,7 @@ class TwoLimbGraph(StanceGraph):
         if (np.array(state.stance) != after).sum() != 1:
             return None
         limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2
-        rows[limb] = np.flatnonzero((self.points == after).all(axis=1))
+        rows[limb] = np.array([s for s in (self.find(after),) if s >= 0], dtype=np.int64)
         steps = self._steps_to(state, rows) if state.pose is None else self.successors(state)
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
