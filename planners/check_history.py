@@ -85,7 +85,7 @@ class CheckHistory:
 
 def closest(lazy_table: LazyTable, rows: IntArray, others: IntArray) -> IntArray:
     """Return those of some unchecked nodes that are closest to other nodes."""
-    rows = rows[lazy_table.is_unchecked[rows]]
+    rows = lazy_table.unchecked(rows)
     positions, apart = lazy_table.table.base_position, np.full(len(rows), np.inf)
     for position in positions[others]:
         np.minimum(apart, distances(positions[rows], position), out=apart)

@@ -51,19 +51,19 @@ class LazyTable(ABC):
         Whether the branches kept on an edge do not depend on the label of the path.
     check_effort
         Effort of all checks so far, see `PathSearch.effort`.
-    is_unchecked
-        Whether each node may lose branches to obstacles in a check, shape (n,).
     """
 
     is_complete: bool
     label_independent: bool
-    is_unchecked: BoolArray
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Start with no edge checked."""
         self.version, self.table, self.check_effort = graph.version, table, 0
-        self.is_unchecked = np.zeros(len(table.points), dtype=np.bool_)
         self.checked_edges = CheckedEdges.empty(len(table.points))
+
+    def unchecked(self, rows: IntArray) -> IntArray:
+        """Return those of some nodes that may lose branches to obstacles in a check, (k,)."""
+        return rows[:0]
 
     @abstractmethod
     def check_nodes(self, rows: IntArray) -> bool:
@@ -173,26 +173,53 @@ class LazyNodeTable(LazyTable):
     is_complete = label_independent = False
 
     def __init__(
-        self, graph: ImplicitGraph, table: NodeTable, cells: PositionCells | None = None
+        self, graph: ImplicitGraph, table: NodeTable, previous: LazyNodeTable | None = None
     ) -> None:
-        """Start with no node and no edge checked; the cells are those of the base positions."""
+        """Start with no node and no edge checked, with the arrays of an earlier world if given."""
         super().__init__(graph, table)
-        self.graph, self._free_table, self.cells = graph, table, cells
+        self.graph, self._free_table, self._reduced = graph, table, table
+        self.cells: PositionCells | None = None
+        if previous is not None and previous._free_table is table:
+            self._reduced, self.cells = previous._restored(), previous.cells
+        self._changed: list[IntArray] = []
         if graph.obstacles:
-            branch_sets, releasable = table.branch_sets.copy(), table.releasable.copy()
-            self.table = table._replace(branch_sets=branch_sets, releasable=releasable)
-            reach = graph.robot.extent + graph.settings.clearance
-            self.cells = cells or PositionCells.of(table.base_position)
-            self._may_touch = graph.close_to_obstacles(self.cells, reach)
-            self.is_unchecked = self._may_touch.copy()
+            if self._reduced is table:
+                branch_sets, releasable = table.branch_sets.copy(), table.releasable.copy()
+                self._reduced = table._replace(branch_sets=branch_sets, releasable=releasable)
+            self.table, reach = self._reduced, graph.robot.extent + graph.settings.clearance
+            self.cells = self.cells or PositionCells.of(table.base_position)
+            self._is_close = graph.close_cells(self.cells, reach)
+            self._is_checked = np.zeros(len(table.points), dtype=np.bool_)
+
+    def _restored(self) -> NodeTable:
+        """Return the table of another world, whose nodes have all branches again.
+
+        To copy the branches of all nodes takes longer than many a search.
+        """
+        for rows in self._changed:
+            self._reduced.branch_sets[rows] = self._free_table.branch_sets[rows]
+            self._reduced.releasable[rows] = self._free_table.releasable[rows]
+        return self._reduced
+
+    def _may_touch(self, rows: IntArray) -> BoolArray:
+        """Return whether nodes are within reach of an obstacle, shape (k,)."""
+        assert self.cells is not None
+        return np.asarray(self._is_close[self.cells.cell[rows]])
+
+    def unchecked(self, rows: IntArray) -> IntArray:
+        """Return the nodes that may lose branches in a check, see `LazyTable.unchecked`."""
+        if not self.graph.obstacles:
+            return rows[:0]
+        return rows[self._may_touch(rows) & ~self._is_checked[rows]]
 
     def check_nodes(self, rows: IntArray) -> bool:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
-        rows = np.unique(rows[self.is_unchecked[rows]])
+        rows = np.unique(self.unchecked(rows))
         if not len(rows):
             return False
         self.check_effort += NODE_EFFORT * len(rows)
-        self.is_unchecked[rows] = False
+        self._is_checked[rows] = True
+        self._changed.append(rows)
         graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
         stances = node_stances(graph.grasp_map, graph.robot, self._free_table, rows, none[:, 0])
         postures = Postures(
@@ -264,7 +291,7 @@ class LazyNodeTable(LazyTable):
         relabellings = np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, relabellings)
         if graph.obstacles:
-            stances.releases["known"][self._may_touch[rows]] = False
+            stances.releases["known"][self._may_touch(rows)] = False
         here = np.arange(len(before))
         limbs_before = unpacked(branch_sets, graph.limbs)
         steps = graph.checks.steps(stances, here, here + len(here), limbs_before)
@@ -275,6 +302,7 @@ class LazyNodeTable(LazyTable):
 
     def _record_releases(self, rows: IntArray, releases: Array) -> None:
         """Store the branches of releases, rows of `ReleaseRecord`, shape (k, N)."""
+        self._changed.append(rows)
         for row, one in zip(rows.tolist(), releases, strict=True):
             before = unpacked(self.table.releasable[row : row + 1], self.graph.limbs)
             updated = np.where(one["known"], one["branches"].astype(np.int64), before)
@@ -341,11 +369,11 @@ def branch_sets_along(
 def make_lazy_table(graph: StanceGraph, previous: LazyTable | None = None) -> LazyTable | None:
     """Return the nodes of a graph in the present world, or None if the graph has no table.
 
-    Those of an earlier world with the same table save some computation.
+    Those of an earlier world with the same table, which are not used any more then, save time.
     """
     if isinstance(graph, TwoLimbGraph):
         return LazyTwoLimbTable(graph)
     if isinstance(graph, ImplicitGraph) and graph.table is not None:
-        cells = previous.cells if isinstance(previous, LazyNodeTable) else None
-        return LazyNodeTable(graph, graph.table, cells)
+        earlier = previous if isinstance(previous, LazyNodeTable) else None
+        return LazyNodeTable(graph, graph.table, earlier)
     return None

@@ -175,7 +175,7 @@ class TableSearch(PathSearch):
         stage = QUICK_FIRST_PATH_AMONG_OBSTACLES
         yield bounds, (*OBSTACLE_STAGES[:2], stage)
         while not (self.has_path or self.is_late):
-            rows = np.flatnonzero(lazy_table.is_unchecked & (bounds.h < np.inf))
+            rows = lazy_table.unchecked(np.flatnonzero(bounds.h < np.inf))
             if not len(rows):
                 return
             rows = rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]]
