@@ -48,6 +48,25 @@ def map_of(ids, places):
     return GraspMap.from_dict({"points": points})
 
 
+def first_by_definition(positions):
+    """Return the first limb of a stance, from the points that its limbs hold, by sorting."""
+    limbs = len(positions)
+    away = np.linalg.norm(positions - positions.mean(axis=0), axis=1)
+    apart = np.linalg.norm(np.roll(positions, -1, axis=0) - positions, axis=1)
+    keys = [*np.rint(np.array([away, apart]) / 1e-7), *positions.T]
+    return min(range(limbs), key=lambda i: [np.roll(key, -i).tolist() for key in keys])
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), limbs=st.integers(3, 5))
+def test_the_first_limb_is_that_of_the_definition(seed, limbs):
+    rng = np.random.default_rng(seed)
+    grasp_map = random_map(rng, 12)
+    stances = np.array([rng.choice(12, limbs, replace=False) for _ in range(30)])
+    expected = [first_by_definition(grasp_map.positions[stance]) for stance in stances]
+    assert first_limbs(grasp_map, stances).tolist() == expected
+
+
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), limbs=st.integers(3, 5))
 def test_the_first_limb_is_the_same_point_after_a_turn(seed, limbs):
