@@ -69,6 +69,7 @@ class LowerBounds:
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
         self._lazy_table: LazyTable | None = None
+        self._occupied = frozenset[int](), np.zeros(len(table.points), dtype=np.bool_)
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
@@ -163,10 +164,12 @@ class LowerBounds:
 
     def _occupied_nodes(self) -> BoolArray:
         """Return whether each node holds an occupied point, shape (n,)."""
-        if not self.graph.occupied:
-            return np.zeros(len(self.table.points), dtype=np.bool_)
-        occupied = np.isin(self.table.points, list(self.graph.occupied))
-        return np.asarray(occupied.any(axis=1))
+        occupied = frozenset(self.graph.occupied)
+        if self._occupied[0] != occupied:
+            is_occupied = np.zeros(len(self.graph.grasp_map), dtype=np.bool_)
+            is_occupied[list(occupied)] = True
+            self._occupied = occupied, np.asarray(is_occupied[self.table.points].any(axis=1))
+        return self._occupied[1]
 
     def _goal_nodes(self, goal: Goal) -> BoolArray:
         """Return whether each node may be at the goal, by its rounded position, shape (n,)."""

@@ -75,7 +75,8 @@ def edge_ends(
 ) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray], IntArray]:
     """Return (nodes, limbs) before edges, those after them, and the reverse edges, all (k,)."""
     support_sets = np.searchsorted(table.offset, edges, side="right") - 1
-    begin, size = table.start[support_sets], np.diff(table.start)[support_sets].astype(np.int64)
+    begin = table.start[support_sets]
+    size = (table.start[support_sets + 1] - begin).astype(np.int64)
     inside: IntArray = edges - table.offset[support_sets]
     a, b = inside // size, inside % size
     one, other = (table.members[begin + k].astype(np.int64) for k in (a, b))
