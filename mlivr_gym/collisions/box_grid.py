@@ -13,7 +13,6 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE
-from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.compiled.records import Matrix, Record, Vector
 from mlivr_gym.world.boxes import UNIT, Box
 
@@ -174,33 +173,24 @@ def _empty_region(low: Array, high: Array, hull: Array) -> Array:
     core = hull.copy()
     away = np.maximum(np.maximum(low - seed, seed - high), 0.0).max(axis=1)
     order = np.argsort(away, kind="stable")
-    cut_to_empty(np.stack([low[order], high[order]], axis=1), seed, core)
-    return core
+    low, high = low[order], high[order]
+    for _ in range(len(low) + 1):
+        overlap = ((low < core[1]) & (high > core[0])).all(axis=1)
+        if not overlap.any():
+            return core
+        core = _cut(core, low[overlap.argmax()], high[overlap.argmax()], seed)
+    return empty
 
 
-@entry
-def cut_to_empty(boxes: Array, seed: Array, core: Array) -> None:
-    """Cut a region, (2, 3), at each box in it, (n, 2, 3), to the largest part about a point, (3,).
-
-    The corners and the point are positions [m].
-    """
-    for b in range(len(boxes)):
-        best, best_side, best_axis, is_in = -1.0, 0, -1, True
-        for axis in range(3):
-            if boxes[b, 0, axis] >= core[1, axis] or boxes[b, 1, axis] <= core[0, axis]:
-                is_in = False
-        for axis in range(3 if is_in else 0):
-            for side in range(1, -1, -1):
-                face = boxes[b, 1 - side, axis]
-                if side and not core[0, axis] < seed[axis] < face:
-                    continue
-                if not side and not face < seed[axis] < core[1, axis]:
-                    continue
-                volume = face - core[0, axis] if side else core[1, axis] - face
-                for other in range(3):
-                    if other != axis:
-                        volume *= core[1, other] - core[0, other]
+def _cut(core: Array, low: Array, high: Array, seed: Array) -> Array:
+    """Return the largest part of a region (2, 3) beside a box that has a point inside it, (3,)."""
+    best, largest = -1.0, core
+    for axis in range(3):
+        for side, face in ((1, low[axis]), (0, high[axis])):
+            part = core.copy()
+            part[side, axis] = face
+            if part[0, axis] < seed[axis] < part[1, axis]:
+                volume = float((part[1] - part[0]).prod())
                 if volume > best:
-                    best, best_side, best_axis = volume, side, axis
-        if best_axis >= 0:
-            core[best_side, best_axis] = boxes[b, 1 - best_side, best_axis]
+                    best, largest = volume, part
+    return largest
