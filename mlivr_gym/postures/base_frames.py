@@ -76,17 +76,17 @@ def set_frame(
     line = scaled_to_one(line)
     outward = mean_over_limbs(normals)
     if limbs == 2:
-        outward = _perpendicular(outward, line)
+        outward = perpendicular(outward, line)
     opposed = dot(outward, outward) < OPPOSED * OPPOSED
     side = cross(vector(normals[0]), rail)
     if opposed:
-        outward = _perpendicular(rail, line)
+        outward = perpendicular(rail, line)
         if dot(outward, outward) < 1e-6:
-            outward = _perpendicular(side, line)
+            outward = perpendicular(side, line)
     outward = scaled_to_one(outward)
-    e1 = _perpendicular(rail, outward)
+    e1 = perpendicular(rail, outward)
     if dot(e1, e1) < 1e-6:
-        e1 = _perpendicular(side, outward)
+        e1 = perpendicular(side, outward)
     e1 = scaled_to_one(e1)
     e2 = cross(outward, e1)
     cosine, sine, is_mirrored = _fit_yaw(positions, e1, e2, mounts)
@@ -145,7 +145,7 @@ def scaled_to_one(v: Triple) -> Triple:
 
 
 @kernel
-def _perpendicular(v: Triple, axis: Triple) -> Triple:
+def perpendicular(v: Triple, axis: Triple) -> Triple:
     """Return the part of a vector that is perpendicular to a unit axis."""
     share = dot(v, axis)
     return v[0] - axis[0] * share, v[1] - axis[1] * share, v[2] - axis[2] * share

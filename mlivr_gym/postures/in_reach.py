@@ -38,7 +38,7 @@ from mlivr_gym.kinematics.poses import (
     turn,
     vector,
 )
-from mlivr_gym.postures.base_frames import OPPOSED
+from mlivr_gym.postures.base_frames import OPPOSED, perpendicular, scaled_to_one
 from mlivr_gym.postures.records import PostureRule, set_candidates
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.values import Triple
@@ -193,7 +193,9 @@ def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
             if query.begins_with_limb_0:
                 scratch.frame_count, scratch.first, with_zero_roll = UNKNOWN, k, True
             line = _roll_axis(k, centre, world, scratch)
-            if _is_reached_about(line, _normalised(normal), with_zero_roll, False, world, scratch):
+            if _is_reached_about(
+                line, scaled_to_one(normal), with_zero_roll, False, world, scratch
+            ):
                 return True
             with_zero_roll = False
     if opposed:
@@ -207,12 +209,10 @@ def _set_in_reach(world: _ReachWorld, scratch: ReachScratch) -> bool:
                 _roll_axis(k, centre, world, scratch),
                 vector(world.grasps[scratch.points[k]].rail),
             )
-            out = _normalised(_perpendicular(rail, line))
-            if length(_perpendicular(rail, line)) ** 2 < SLACK:
-                out = _normalised(
-                    _perpendicular(
-                        cross(vector(world.grasps[scratch.points[k]].normal), rail), line
-                    )
+            out = scaled_to_one(perpendicular(rail, line))
+            if length(perpendicular(rail, line)) ** 2 < SLACK:
+                out = scaled_to_one(
+                    perpendicular(cross(vector(world.grasps[scratch.points[k]].normal), rail), line)
                 )
             if _is_reached_about(line, out, True, True, world, scratch):
                 return True
@@ -242,19 +242,7 @@ def _roll_axis(k: int, centre: Triple, world: _ReachWorld, scratch: ReachScratch
     """Return the unit vector from the centroid to point `k`, about which the body rolls."""
     grasp = world.grasps[scratch.points[k]]
     line = minus(vector(grasp.point), centre)
-    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else _normalised(line)
-
-
-@kernel
-def _normalised(v: Triple) -> Triple:
-    """Return a vector divided by its length."""
-    return along((0.0, 0.0, 0.0), 1.0 / length(v), v)
-
-
-@kernel
-def _perpendicular(v: Triple, axis: Triple) -> Triple:
-    """Return the part of a vector that is perpendicular to a unit axis."""
-    return along(v, -dot(v, axis), axis)
+    return vector(grasp.rail) if length(line) ** 2 < 1e-12 else scaled_to_one(line)
 
 
 @kernel
@@ -264,10 +252,10 @@ def _set_frames(out: Triple, world: _ReachWorld, scratch: ReachScratch) -> bool:
     Where both senses of an order fit equally well, both are included. Returned is False if the
     points of an order do not determine the yaw.
     """
-    e1 = _perpendicular((1.0, 0.0, 0.0), out)
+    e1 = perpendicular((1.0, 0.0, 0.0), out)
     if length(e1) < 0.5:
-        e1 = _perpendicular((0.0, 1.0, 0.0), out)
-    e1 = _normalised(e1)
+        e1 = perpendicular((0.0, 1.0, 0.0), out)
+    e1 = scaled_to_one(e1)
     e2, count = cross(out, e1), world.orders.shape[1]
     scratch.frame_count = 0
     for order in range(len(world.orders)):
