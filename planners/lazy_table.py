@@ -67,11 +67,7 @@ class LazyTable(ABC):
 
     @abstractmethod
     def check_nodes(self, rows: IntArray) -> bool:
-        """Check nodes against obstacles; return whether one of them loses branches.
-
-        The rows have shape (k,). At most `limit` nodes are checked, those closest to the position
-        `centre` [m], shape (3,), first.
-        """
+        """Check nodes against obstacles, (k,); return whether one of them loses branches."""
 
     @abstractmethod
     def branch_sets_after(
