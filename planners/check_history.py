@@ -15,9 +15,10 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.label_search import Delays, SearchGraph, SearchParameters
+from mlivr_gym.planners.label_search import SearchParameters
 from mlivr_gym.planners.labels import CAPACITY, NodePath
 from mlivr_gym.planners.lazy_table import LazyNodeTable, LazyTable
+from mlivr_gym.planners.search_graph import Delays, SearchGraph
 from mlivr_gym.stances.obstacles import CELL_EDGE
 
 PENALTY = 0.5
@@ -31,10 +32,6 @@ STEP_LENGTH = 0.1
 
 LEAST_PENALTY = 0.5
 """Penalty in steps up to which a search that found no path gets more labels."""
-
-
-NODES_CHECKED_AROUND = 1500
-"""Number of nodes that are checked around those of a path that touch an obstacle."""
 
 
 class CheckHistory:
@@ -51,7 +48,7 @@ class CheckHistory:
         self._labels = 1
 
     def add_failures(self, nodes: IntArray) -> None:
-        """Add nodes that touch an obstacle: nodes come later, the closer the more."""
+        """Add nodes at edges that are no steps: nodes come later, the closer the more."""
         for position in self._base_position[nodes]:
             distance = distances(self._centres, position)
             self._penalty += PENALTY * np.maximum(0.0, 1.0 - distance / FAILURE_RADIUS)
@@ -81,12 +78,3 @@ class CheckHistory:
         else:
             self._labels *= 2
         return self._labels <= CAPACITY
-
-
-def closest(lazy_table: LazyTable, rows: IntArray, others: IntArray) -> IntArray:
-    """Return those of some unchecked nodes that are closest to other nodes."""
-    rows = lazy_table.unchecked(rows)
-    positions, apart = lazy_table.table.base_position, np.full(len(rows), np.inf)
-    for position in positions[others]:
-        np.minimum(apart, distances(positions[rows], position), out=apart)
-    return rows[np.argsort(apart, kind="stable")[:NODES_CHECKED_AROUND]]

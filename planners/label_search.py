@@ -45,11 +45,18 @@ from mlivr_gym.planners.bucket_queue import (
     queue_lower_bound,
     requeue,
 )
-from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
-from mlivr_gym.planners.costs import CostWeights
-from mlivr_gym.planners.labels import CAPACITY, CHECK_BATCH, NO_LABEL, Labels, NodeOrigins, NodePath
+from mlivr_gym.planners.checked_edges import slot_of
+from mlivr_gym.planners.labels import (
+    CAPACITY,
+    CHECK_BATCH,
+    NO_LABEL,
+    NODE_BATCH,
+    Labels,
+    NodeOrigins,
+    NodePath,
+)
+from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.stances.node_edges import branches_lost, row_of
-from mlivr_gym.stances.node_table import NodeTable
 
 CLOCK_INTERVAL = 1 << 14
 """Number of labels taken from the queue between two readings of the clock."""
@@ -57,44 +64,14 @@ CLOCK_INTERVAL = 1 << 14
 SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
 minimum proves the incumbent; the arrays are full; the clock is to be read; the limit of expansions
-is reached; or edges are to be checked."""
+is reached; or edges or nodes are to be checked."""
 
 Check = Callable[[IntArray, NDArray[np.uint64]], NDArray[np.uint64]]
 """Function that checks edges: from their numbers and the branch sets before them to the branch sets
 after them, 0 for an edge that is no step."""
 
-
-class Delays(NamedTuple):
-    """By how much nodes come later in the open queue than `f` tells, see `check_history`."""
-
-    place: NDArray[np.int32]
-    """Place of each node, shape (n,), or (0,) if there are no delays."""
-    of_place: Array
-    """What is added to `h` at each place, negative for nodes that come earlier, shape (p,)."""
-
-    def added_to(self, h: Array, nodes: IntArray) -> Array:
-        """Return `h` with the delays at some nodes, shapes (n,) and (k,) -> (k,)."""
-        if not len(self.place):
-            return np.asarray(h[nodes])
-        late = np.maximum(h[nodes] + self.of_place[self.place[nodes]], MIN_COST_OUTSIDE_GOAL)
-        return np.where(h[nodes] == 0.0, 0.0, late)
-
-
-NO_DELAYS = Delays(np.empty(0, dtype=np.int32), np.empty(0))
-"""Delays of a search in the order of `f`."""
-
-
-class SearchGraph(NamedTuple):
-    """The graph of a search: nodes, edges checked so far, and the cost to minimise."""
-
-    table: NodeTable
-    """The nodes, with an upper bound of the branches kept on each edge."""
-    checked_edges: CheckedEdges
-    """Edges that were checked, with the branches that they keep."""
-    weights: CostWeights
-    """Weights of the cost."""
-    delays: Delays = NO_DELAYS
-    """Delays of nodes in the open queue; a search with delays proves nothing."""
+NodeCheck = Callable[[IntArray], None]
+"""Function that checks nodes, given by their rows: it removes branches of the table."""
 
 
 class SearchParameters(NamedTuple):
@@ -139,7 +116,7 @@ class SearchStatus(Record):
     expanded: int
     """Number of labels expanded."""
     pending: int
-    """Number of labels whose edges are to be checked."""
+    """Number of labels whose edges or nodes are to be checked."""
 
 
 class SearchOutcome(NamedTuple):
@@ -167,6 +144,7 @@ def cheapest_path(
     cost_limit: float = np.inf,
     deadline: float = np.inf,
     check: Check | None = None,
+    check_nodes: NodeCheck | None = None,
 ) -> SearchOutcome:
     """Find the cheapest path from an origin to a node at which `h` is 0.
 
@@ -191,6 +169,8 @@ def cheapest_path(
         When to end, on the clock of `time.perf_counter` [s].
     check
         Function that checks edges; needed if `parameters.check_when_popped`.
+    check_nodes
+        Function that checks nodes; needed if edges are not checked and some nodes are unchecked.
     """
     status = SearchStatus.row()
     for name, value in parameters._asdict().items():
@@ -208,9 +188,15 @@ def cheapest_path(
     while end in (PAUSED, CHECKS_PENDING) and time.perf_counter() < deadline:
         end = int(_search(search_graph, h, status, origins, labels))
         if end == CHECKS_PENDING:
-            assert check is not None
             pending = labels.pending[: int(status["pending"])]
-            after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
+            if parameters.check_when_popped:
+                assert check is not None
+                after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
+            else:
+                assert check_nodes is not None
+                pending = pending[::-1].copy()  # popped again in the same order
+                check_nodes(labels.queue.node[pending].astype(np.int64))
+                after = labels.branch_sets[pending]
             requeue_checked(labels, pending, after)
             status["pending"] = 0
     if not status["initialised"]:
@@ -254,21 +240,26 @@ def _search(
             return SEARCH_COMPLETE
         if not cost + _estimate(search_graph, h, s) < status.incumbent_cost:
             continue
-        if status.check_when_popped and not labels.checked[label]:
-            branch_sets = labels.branch_sets[label]
+        branch_sets = labels.branch_sets[label]
+        if _awaits_check(search_graph, status, labels, label):
             if status.equal_only or not _is_dominated(labels, s, branch_sets, cost, label, status):
                 labels.pending[status.pending] = label
                 status.pending += 1
-                if status.pending == CHECK_BATCH:
+                if status.pending == (CHECK_BATCH if status.check_when_popped else NODE_BATCH):
                     return CHECKS_PENDING
             continue
+        if len(search_graph.unchecked):
+            branch_sets &= table.branch_sets[s]
+            labels.branch_sets[label] = branch_sets
+            if not each_keeps_one(branch_sets, table.points.shape[1]):
+                continue
         if h[s] == 0.0:
             status.incumbent, status.incumbent_cost = label, cost
             continue
         if queue.status.entry_count + degree(table, s) > min(len(queue.node), status.max_labels):
             requeue(queue, label)
             return ARRAYS_FULL
-        if not _is_dominated(labels, s, labels.branch_sets[label], cost, label, status):
+        if not _is_dominated(labels, s, branch_sets, cost, label, status):
             if status.expanded >= status.max_expansions:
                 requeue(queue, label)
                 return EXPANSION_LIMIT
@@ -278,11 +269,22 @@ def _search(
 
 
 @kernel
+def _awaits_check(
+    search_graph: SearchGraph, status: SearchStatus, labels: Labels, label: int
+) -> bool:
+    """Return whether the edge to a label, or its node, is to be checked before it is expanded."""
+    if status.check_when_popped:
+        return not labels.checked[label]
+    unchecked = search_graph.unchecked
+    return len(unchecked) > 0 and bool(unchecked[labels.queue.node[label]])
+
+
+@kernel
 def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, _ = search_graph
+    table, checked_edges, weights, _, _ = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -379,7 +381,7 @@ def _is_dominated(
 
 @entry
 def requeue_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]) -> None:
-    """Push labels whose edges were checked back into the queue, unless no branch is kept."""
+    """Push labels that were checked back into the queue, unless no branch is kept."""
     for k in range(len(pending)):
         label = pending[k]
         labels.branch_sets[label], labels.checked[label] = after[k], True

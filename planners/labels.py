@@ -18,11 +18,14 @@ from mlivr_gym.planners.bucket_queue import NodeQueue
 CAPACITY = 1 << 22
 """Maximum number of labels of a search."""
 
-CHECK_BATCH = 64
-"""Maximum number of edges that are checked in one batch."""
+CHECK_BATCH, NODE_BATCH = 64, 512
+"""Maximum number of edges and of nodes that are checked in one batch."""
 
 NO_LABEL = -1
 """Index that stands for no label."""
+
+NO_NODES = np.empty(0, dtype=np.bool_)
+"""No nodes that a search checks."""
 
 
 class Labels(NamedTuple):
@@ -47,7 +50,7 @@ class Labels(NamedTuple):
     checked: NDArray[np.bool_]
     """Whether the edge to each label was checked, shape (CAPACITY,)."""
     pending: IntArray
-    """Labels whose edges are to be checked, shape (CHECK_BATCH,)."""
+    """Labels whose edges or nodes are to be checked, shape (NODE_BATCH,)."""
 
     @classmethod
     def allocate(cls, nodes: int) -> Labels:
@@ -56,7 +59,7 @@ class Labels(NamedTuple):
         edges, branch_sets = np.empty(CAPACITY, dtype=np.int64), np.empty(CAPACITY, dtype=np.uint64)
         last_of_node = np.full(nodes, NO_LABEL, dtype=np.int32)
         expanded = np.empty(CAPACITY, dtype=np.int32)
-        checked, pending = np.empty(CAPACITY, dtype=np.bool_), np.empty(CHECK_BATCH, dtype=np.int64)
+        checked, pending = np.empty(CAPACITY, dtype=np.bool_), np.empty(NODE_BATCH, dtype=np.int64)
         paths = np.empty(CAPACITY), parent, edges, branch_sets, previous_of_node, last_of_node
         return cls(NodeQueue.allocate(CAPACITY), *paths, expanded, checked, pending)
 

@@ -1,15 +1,17 @@
 """Nodes and edges of a table in the present world, evaluated lazily.
 
 Obstacles and occupied points only remove branches, stances and steps, and do not change the posture
-of a stance. So the table without obstacles is an upper bound of what is possible among them. An
-edge keeps this bound until it is checked, which happens when a search pops its label (Lazy Weighted
-A*: Cohen, Phillips and Likhachev 2014) or finds a path over it (LazySP: Dellin and Srinivasa 2016).
+of a stance. So the table without obstacles is an upper bound of what is possible among them. A
+node keeps this bound until a search pops a label of it, an edge until a search pops its label (Lazy
+Weighted A*: Cohen, Phillips and Likhachev 2014) or finds a path over it (LazySP: Dellin and
+Srinivasa 2016).
 Results are cached for further queries.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +20,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
-from mlivr_gym.planners.labels import NodePath
+from mlivr_gym.planners.labels import NO_NODES, NodePath
 from mlivr_gym.planners.path_search import EDGE_EFFORT, NODE_EFFORT, StatePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
@@ -61,13 +63,17 @@ class LazyTable(ABC):
         self.version, self.table, self.check_effort = graph.version, table, 0
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
-    def unchecked(self, rows: IntArray) -> IntArray:
-        """Return those of some nodes that may lose branches to obstacles in a check, (k,)."""
-        return rows[:0]
+    @property
+    def unchecked(self) -> BoolArray:
+        """Whether each node may lose branches to obstacles in a check, (n,), or (0,) if none may.
+
+        A check of nodes changes it.
+        """
+        return NO_NODES
 
     @abstractmethod
-    def check_nodes(self, rows: IntArray) -> bool:
-        """Check nodes against obstacles, (k,); return whether one of them loses branches."""
+    def check_nodes(self, rows: IntArray) -> None:
+        """Check nodes against obstacles, (k,)."""
 
     @abstractmethod
     def branch_sets_after(
@@ -121,14 +127,12 @@ class LazyTwoLimbTable(LazyTable):
         table.branch_sets[rows] = packed(steps.branch_sets[rows])
         table.releasable[rows] &= packed(able) & table.branch_sets[rows]
 
-    def check_nodes(self, rows: IntArray) -> bool:
+    def check_nodes(self, rows: IntArray) -> None:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         self.check_effort += NODE_EFFORT * len(rows)
-        before = self.table.branch_sets[rows]
         if not self.is_complete:
             self.graph.node_postures(rows)
             self._record_nodes(rows)
-        return bool((self.table.branch_sets[rows] != before).any())
 
     def branch_sets_after(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
@@ -185,7 +189,6 @@ class LazyNodeTable(LazyTable):
             self.table, reach = self._reduced, graph.robot.extent + graph.settings.clearance
             self.cells = self.cells or PositionCells.of(table.base_position)
             self._is_close = graph.close_cells(self.cells, reach)
-            self._is_checked = np.zeros(len(table.points), dtype=np.bool_)
 
     def _restored(self) -> NodeTable:
         """Return the table of another world, whose nodes have all branches again.
@@ -197,24 +200,25 @@ class LazyNodeTable(LazyTable):
             self._reduced.releasable[rows] = self._free_table.releasable[rows]
         return self._reduced
 
-    def _may_touch(self, rows: IntArray) -> BoolArray:
+    def _may_touch(self, rows: IntArray | slice) -> BoolArray:
         """Return whether nodes are within reach of an obstacle, shape (k,)."""
         assert self.cells is not None
         return np.asarray(self._is_close[self.cells.cell[rows]])
 
-    def unchecked(self, rows: IntArray) -> IntArray:
-        """Return the nodes that may lose branches in a check, see `LazyTable.unchecked`."""
-        if not self.graph.obstacles:
-            return rows[:0]
-        return rows[self._may_touch(rows) & ~self._is_checked[rows]]
+    @cached_property
+    def unchecked(self) -> BoolArray:
+        """The nodes that may lose branches in a check, see `LazyTable.unchecked`."""
+        return self._may_touch(slice(None)) if self.graph.obstacles else NO_NODES
 
-    def check_nodes(self, rows: IntArray) -> bool:
+    def check_nodes(self, rows: IntArray) -> None:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
-        rows = np.unique(self.unchecked(rows))
+        if not self.graph.obstacles:
+            return
+        rows = np.unique(rows[self.unchecked[rows]])
         if not len(rows):
-            return False
+            return
         self.check_effort += NODE_EFFORT * len(rows)
-        self._is_checked[rows] = True
+        self.unchecked[rows] = False
         self._changed.append(rows)
         graph, none = self.graph, np.zeros((len(rows), self.graph.limbs), dtype=np.int64)
         stances = node_stances(graph.grasp_map, graph.robot, self._free_table, rows, none[:, 0])
@@ -227,8 +231,6 @@ class LazyNodeTable(LazyTable):
         branch_sets[~graph.is_node(postures)] = 0
         self.table.branch_sets[rows] = branch_sets
         self.table.releasable[rows] &= branch_sets
-        is_reduced = branch_sets != self._free_table.branch_sets[rows]
-        return bool(is_reduced.any())
 
     def check_edges(self, edges: IntArray) -> None:
         """Check those edges that were not checked yet, in both directions."""

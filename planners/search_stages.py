@@ -79,7 +79,7 @@ ENCLOSURE_PROOF = SearchStage(
 reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
 FIRST_PATH_AMONG_OBSTACLES = SearchStage(
-    SearchParameters(0.5, labels_per_node=2, max_labels=25_000), ordered_by_checks=True
+    SearchParameters(1.0 / 3.0, labels_per_node=2, max_labels=25_000), ordered_by_checks=True
 )
 """The stage that finds a first path among obstacles."""
 

@@ -10,8 +10,8 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
   checked. The first path is optimal. `level_search` finds fewest steps if that takes long.
 * *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
   Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
-  while one of them keeps no branch. Several stages follow each other, see `search_stages`; each
-  path becomes the incumbent, with an optimality bound.
+  while one of them keeps no branch. Nodes are checked when they are popped. Several stages follow
+  each other, see `search_stages`; each path becomes the incumbent, with an optimality bound.
 """
 
 from __future__ import annotations
@@ -23,17 +23,16 @@ from itertools import count, islice
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.check_budget import CheckBudget
-from mlivr_gym.planners.check_history import CheckHistory, closest
+from mlivr_gym.planners.check_history import CheckHistory
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
     ARRAYS_FULL,
     SEARCH_COMPLETE,
-    SearchGraph,
     SearchParameters,
     cheapest_path,
 )
@@ -41,6 +40,7 @@ from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
+from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.planners.search_stages import (
     BY_WEIGHT,
     EXACT_STAGES,
@@ -175,7 +175,7 @@ class TableSearch(PathSearch):
         stage = QUICK_FIRST_PATH_AMONG_OBSTACLES
         yield bounds, (*OBSTACLE_STAGES[:2], stage)
         while not (self.has_path or self.is_late):
-            rows = lazy_table.unchecked(np.flatnonzero(bounds.h < np.inf))
+            rows = np.flatnonzero((bounds.h < np.inf) & lazy_table.unchecked)
             if not len(rows):
                 return
             rows = rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]]
@@ -297,9 +297,6 @@ class TableSearch(PathSearch):
                 if self._is_full and stage.ordered_by_checks and self._check_history.relax():
                     continue
                 return None
-            if not stage.parameters.check_when_popped and self._lazy_table.check_nodes(path.nodes):
-                self._check_nodes_around(path.nodes)
-                continue
             states = self._checked_walk(path, stage)
             if stage.ordered_by_checks:
                 self._check_history.add_path(path, self._lazy_table.checked_edges)
@@ -325,14 +322,16 @@ class TableSearch(PathSearch):
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit, checks = min(parameters.max_expansions, limit), CheckBudget(self, lazy_table)
-        search_graph = SearchGraph(lazy_table.table, known, cost_weights(goal_bounds.cost))
+        search_graph = SearchGraph(
+            lazy_table.table, known, cost_weights(goal_bounds.cost), unchecked=lazy_table.unchecked
+        )
         if stage.ordered_by_checks:
             search_graph = self._check_history.ordered(search_graph, goal_bounds.cost)
             parameters = self._check_history.limited(parameters)
         found = checks.outcome(cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
-            deadline=search.deadline, check=checks,
+            deadline=search.deadline, check=checks, check_nodes=lazy_table.check_nodes,
         ))  # fmt: skip
         self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
         self._is_exhausted = self._is_complete and found.path is None
@@ -368,14 +367,6 @@ class TableSearch(PathSearch):
             branch_sets = kept
         start, relabelling = self._origin_paths[path.origin], int(self._relabellings[path.origin])
         return lazy_table.state_path(start, relabelling, path._replace(branch_sets=branch_sets))
-
-    def _check_nodes_around(self, nodes: IntArray) -> None:
-        """Check the reached nodes closest to the nodes of a path that touch something."""
-        table, free = self._lazy_table.table, self._lower_bounds.table
-        touching = nodes[table.branch_sets[nodes] != free.branch_sets[nodes]]
-        reached = np.unique(self._labels.queue.node[: self._labels.label_count].astype(np.int64))
-        self._check_history.add_failures(touching)
-        self._lazy_table.check_nodes(closest(self._lazy_table, reached, touching))
 
     @property
     def effort(self) -> int:

@@ -1,4 +1,4 @@
-"""The order that results of checks give to the open queue, and the nodes that are checked next."""
+"""The order that results of checks give to the open queue, and nodes that a search checks."""
 
 import itertools
 
@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from small_tables import goal_at, searching, small_table_with_box
 
-from mlivr_gym.planners import check_history, label_search, search_stages, table_search
-from mlivr_gym.planners.check_history import CheckHistory, closest
+from mlivr_gym.planners import label_search, search_stages, table_search
+from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
+from mlivr_gym.planners.check_history import CheckHistory
 from mlivr_gym.planners.costs import Cost, cost_weights
-from mlivr_gym.planners.label_search import SearchGraph
+from mlivr_gym.planners.label_search import SearchParameters, cheapest_path
+from mlivr_gym.planners.labels import Labels, NodeOrigins
 from mlivr_gym.planners.lower_bounds import LowerBounds
+from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.stances.node_steps import candidate_steps
 from mlivr_gym.stances.obstacles import CELL_EDGE
 from mlivr_gym.stances.random_states import random_state
@@ -59,20 +62,38 @@ def test_nodes_close_to_a_failure_come_later_and_those_at_steps_earlier(graph):
     np.testing.assert_allclose(halved[others] - 7.0, late / 2.0, atol=1e-12)
 
 
-def test_the_closest_unchecked_nodes_are_checked(graph, monkeypatch):
-    monkeypatch.setattr(check_history, "NODES_CHECKED_AROUND", 20)
-    lazy_table = LowerBounds(graph).lazy_table
-    base, rng = lazy_table.table.base_position, np.random.default_rng(1)
-    touching = rng.choice(len(base), 3, replace=False)
-    some = np.sort(rng.choice(len(base), len(base) // 2, replace=False))
-    lazy_table.check_nodes(some[: len(some) // 2])
-    free = lazy_table.unchecked(some)
-    apart = np.linalg.norm(base[free][:, None] - base[touching], axis=2).min(axis=1)
-    chosen = closest(lazy_table, some, touching)
-    assert len(lazy_table.unchecked(chosen)) == len(chosen)
-    assert len(chosen) == min(20, len(free))
-    taken = np.linalg.norm(base[chosen][:, None] - base[touching], axis=2).min(axis=1)
-    np.testing.assert_allclose(np.sort(taken), np.sort(apart)[: len(chosen)])
+def test_nodes_are_checked_when_they_are_popped(graph):
+    """The cheapest path costs what it does if every node is checked before the search."""
+    rng, count, solved, checks = np.random.default_rng(1), len(graph.table.points), 0, 0
+    weights, labels = cost_weights(Cost.named("base")), Labels.allocate(count)
+    every = LowerBounds(graph).lazy_table
+    every.check_nodes(np.arange(count))
+    losing = np.flatnonzero(every.table.branch_sets != graph.table.branch_sets)
+    goals = np.concatenate([rng.choice(count, 60), rng.choice(losing, 60)])
+    for start, goal in zip(rng.choice(count, 120), goals, strict=True):
+        h, found = np.full(count, MIN_COST_OUTSIDE_GOAL), []
+        h[goal] = 0.0
+        for first in ([start], np.arange(count)):
+            lazy_table = LowerBounds(graph).lazy_table
+            lazy_table.check_nodes(np.array(first))
+            table, checked = lazy_table.table, lazy_table.checked_edges
+            left = lazy_table.unchecked.sum()
+            origins = NodeOrigins(np.array([start]), table.branch_sets[[start]], np.zeros(1))
+            outcome = cheapest_path(
+                SearchGraph(table, checked, weights, unchecked=lazy_table.unchecked), h, origins,
+                labels, SearchParameters(), check_nodes=lazy_table.check_nodes,
+            )  # fmt: skip
+            checks += left - lazy_table.unchecked.sum()
+            found.append(outcome)
+        one, other = found
+        assert (one.path is None) == (other.path is None)
+        assert one.lower_bound == pytest.approx(other.lower_bound)
+        if one.path is not None and other.path is not None:
+            solved += one.path.cost > 0.0
+            assert one.path.cost == pytest.approx(other.path.cost)
+            assert (one.path.branch_sets & ~table.branch_sets[one.path.nodes] == 0).all()
+    assert solved > 1
+    assert checks > 10
 
 
 def test_a_first_path_is_found_by_this_order_alone(graph, monkeypatch):

@@ -18,7 +18,6 @@ from mlivr_gym.planners.bucket_queue import push
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.costs import cost_weights
 from mlivr_gym.planners.label_search import (
-    SearchGraph,
     SearchParameters,
     SearchStatus,
     _add_label,
@@ -26,6 +25,7 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
+from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
@@ -165,7 +165,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
 
 def assert_cheapest(search_graph, goal, pairs, ends):
     """Compare the cheapest path to a goal with the states to which steps lead from the first."""
-    (table, _, weights, _), (states, first) = search_graph, ends
+    table, weights, (states, first) = search_graph.table, search_graph.weights, ends
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
     charged = price(table, pairs, goal.cost)
     costs = nx.single_source_dijkstra_path_length(
