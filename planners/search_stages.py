@@ -10,6 +10,7 @@ proves the optimum, whatever the checks find.
 
 from __future__ import annotations
 
+import sys
 from typing import NamedTuple
 
 from mlivr_gym.planners.label_search import SearchParameters
@@ -30,8 +31,11 @@ class SearchStage(NamedTuple):
     max_searches: int | None = None
     """Number of searches after which the stage ends, by default none."""
     ordered_by_checks: bool = False
-    """Whether the results of checks order the queue, see `check_history`, and the limit of labels
-    grows when it is reached. Such a stage finds paths among obstacles, and proves nothing."""
+    """Whether the results of checks order the queue, see `check_history`. Such a stage finds paths
+    among obstacles, and proves nothing."""
+    max_relaxations: int = 0
+    """How often in a row the limit of labels may be reached, each time with a relaxed order or a
+    larger limit, see `CheckHistory.relax`, before the stage ends."""
 
 
 FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
@@ -79,11 +83,15 @@ ENCLOSURE_PROOF = SearchStage(
 reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
 FIRST_PATH_AMONG_OBSTACLES = SearchStage(
-    SearchParameters(1.0 / 3.0, labels_per_node=2, max_labels=25_000), ordered_by_checks=True
+    SearchParameters(1.0 / 3.0, labels_per_node=2, max_labels=25_000),
+    ordered_by_checks=True,
+    max_relaxations=sys.maxsize,
 )
 """The stage that finds a first path among obstacles."""
 
-QUICK_FIRST_PATH_AMONG_OBSTACLES = FIRST_PATH_AMONG_OBSTACLES._replace(max_searches=50)
+QUICK_FIRST_PATH_AMONG_OBSTACLES = FIRST_PATH_AMONG_OBSTACLES._replace(
+    max_searches=50, max_relaxations=3
+)
 """The same with little effort, before further nodes are checked against the obstacles."""
 
 OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, FIRST_PATH_AMONG_OBSTACLES, *STAGES

@@ -289,14 +289,18 @@ class TableSearch(PathSearch):
         cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
         if stage.only_after_exhaustion and not self._is_exhausted:
             return None
+        relaxations = 0
         for _ in islice(count(), stage.max_searches):
             if self.is_late or self.lower_bound >= cost_limit:
                 break
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
-                if self._is_full and stage.ordered_by_checks and self._check_history.relax():
+                may_relax = self._is_full and relaxations < stage.max_relaxations
+                if may_relax and self._check_history.relax():
+                    relaxations += 1
                     continue
                 return None
+            relaxations = 0
             states = self._checked_walk(path, stage)
             if stage.ordered_by_checks:
                 self._check_history.add_path(path, self._lazy_table.checked_edges)

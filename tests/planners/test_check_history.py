@@ -116,6 +116,22 @@ def test_a_first_path_is_found_by_this_order_alone(graph, monkeypatch):
     assert found > 2
 
 
+def test_a_stage_ends_where_its_searches_keep_reaching_the_limit_of_labels(graph, monkeypatch):
+    """With a path in between it goes on."""
+    table, bounds = graph.table, LowerBounds(graph)
+    goal = goal_at(graph, table, 0, ("steps", None))
+    search = searching(bounds, goal, random_state(graph, np.random.default_rng(2)))
+    goal_bounds = bounds.compute(goal, search._origins.nodes)
+    found = iter(["path", *[None] * 3, "path", *[None] * 9])
+    monkeypatch.setattr(search, "_search", lambda *_: next(found))
+    monkeypatch.setattr(search, "_checked_walk", lambda *_: None)
+    monkeypatch.setattr(CheckHistory, "add_path", lambda *_: None)
+    search._is_full = True
+    stage = search_stages.QUICK_FIRST_PATH_AMONG_OBSTACLES
+    assert search._next_path(goal_bounds, stage) is None
+    assert len(list(found)) == 9 - (stage.max_relaxations + 1)
+
+
 def branches_after_checks(lazy_table, rows):
     """Check nodes, and edges from them; return the branches of all nodes."""
     lazy_table.check_nodes(rows)
