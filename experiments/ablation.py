@@ -52,7 +52,7 @@ VARIANTS: dict[str, list[Patch]] = {
     "all": [],
     "only the stages of the cheapest path": stages(EXACT, EXACT),
     "no probe for an enclosed start": stages(STAGES, AMONG[2:]),
-    "no stage of weight 1 / 2 among obstacles": stages(STAGES, (*AMONG[:2], *AMONG[3:])),
+    "no stage of weight 1 / 3 among obstacles": stages(STAGES, (*AMONG[:2], *AMONG[3:])),
     "no stage of weight 1 / 1.1": stages(
         (*STAGES[:-4], *EXACT), (*AMONG[:-4], *EXACT)
     ),
