@@ -17,6 +17,10 @@ from fuzz import answer, given_values
 from plans import first_steps
 
 from mlivr_gym import GraspMap, Settings, State, jem_map, robot_spec, stance_graph
+from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.crew import CrewMember
+from mlivr_gym.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.closed_loop.ros_messages import point_cloud_message, points_of_message
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
@@ -56,6 +60,9 @@ ALSO = {
     "base_threshold": ("w_b",),
     "index": ("no step",),
     "keep": ("graspable point",),
+    "point": ("graspable point",),
+    "now": ("present time",),
+    "present": ("base position", "base quaternion", "joint angles", "configuration"),
     "path": ("cannot write", "cannot read"),
 }
 """What messages call some arguments besides their names."""
@@ -124,6 +131,12 @@ def scene(of):
     return {"grasp_map": of["map"], "robot": of["graph"].robot}
 
 
+def small_scene(of):
+    """With a robot of which no meshes ship, which would take long to compile."""
+    robot = robot_spec("mlivr2-ur10e")
+    return {"grasp_map": of["map"], "robot": robot, "width": 32, "height": 16}
+
+
 def standing(of):
     return dict(zip(("position", "quaternion", "joints"), of["plan"].configuration(0), strict=True))
 
@@ -141,6 +154,24 @@ def drawn(of):
 
 
 FILM = {"path": "walk.gif", "size": (32, 16), "speed": 1000.0}
+
+
+def believing(of, noise=0.003):
+    return Belief(of["graph"], noise)
+
+
+def seen(of):
+    simulation, rng = Setup().simulation(of["map"], of["graph"].robot), np.random.default_rng(0)
+    return {
+        "model": simulation.model,
+        "data": simulation.data,
+        "robot": of["graph"].robot,
+        "rng": rng,
+    }
+
+
+def moving(of):
+    return {"trajectory": of["trajectory"], "present": of["plan"].configuration(0)}
 
 
 def saved(save):
@@ -175,6 +206,23 @@ FUNCTIONS = {
     "Setup.of": lambda of: (Setup.of, {}),
     "Setup.simulation": lambda of: (Setup().simulation, scene(of)),
     "Simulation": lambda of: (Simulation, scene(of)),
+    "DepthCamera": lambda of: (DepthCamera, {}),
+    "DepthCamera.rays": lambda of: (DepthCamera(pixels=3).rays, {}),
+    "DepthCamera.measure": lambda of: (DepthCamera(pixels=3).measure, seen(of)),
+    "CrewMember": lambda of: (CrewMember, {"start": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 0.0)}),
+    "Belief.add_hits": lambda of: (
+        believing(of).add_hits,
+        {"hits": [], "present": held(of)["configuration"]},
+    ),
+    "Belief.update_graph": lambda of: (believing(of).update_graph, {"state": of["env"].state}),
+    "Belief.is_blocked": lambda of: (
+        believing(of).is_blocked,
+        {"trajectory": of["trajectory"], "first": 0},
+    ),
+    "Belief.will_touch": lambda of: (believing(of).will_touch, moving(of) | {"sample": 0}),
+    "point_cloud_message": lambda of: (point_cloud_message, {"points": [], "time": 0.0}),
+    "points_of_message": lambda of: (points_of_message, {"message": point_cloud_message([], 0.0)}),
+    "Settings": lambda of: (Settings, {}),
     "Durations": lambda of: (Durations, {}),
     "Durations.of_step": lambda of: (Durations.of_step, {"total": 10.0}),
     "Plan.save": lambda of: (of["plan"].save, {"path": "saved.json"}),
@@ -189,9 +237,9 @@ FUNCTIONS = {
     "save_ros": saved(save_ros),
     "exported_model": lambda of: (exported_model, {**scene(of), **held(of)}),
     "plan_figure": lambda of: (plan_figure, {**drawn(of), "path": "plan.png"}),
-    "SceneRenderer": lambda of: (SceneRenderer, {**scene(of), "width": 32, "height": 16}),
+    "SceneRenderer": lambda of: (SceneRenderer, small_scene(of)),
     "SceneRenderer.render": lambda of: (
-        SceneRenderer(**scene(of), width=32, height=16).render,
+        SceneRenderer(**small_scene(of)).render,
         {**standing(of), "camera": Camera((0.0, 0.0, 0.0)), "route": of["route"]},
     ),
     "film": lambda of: (film, {**scene(of), "recording": of["recording"], **FILM}),

@@ -52,6 +52,12 @@ def test_a_plan_imports_what_it_needs_alone():
     assert drawing == {"mlivr_gym.pictures.figures"}  # names of files to be written
 
 
+def test_an_environment_imports_no_torch():
+    code = "import sys, gymnasium, mlivr_gym; gymnasium.make('MLIVR-JEM-v0').reset(seed=0)"
+    code += "; assert 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_what_imports_the_compiler_is_given_by_the_package_when_asked():
     code = (
         "import sys, mlivr_gym; assert 'numba' not in sys.modules; "

@@ -22,8 +22,8 @@ GOAL, FAR_GOAL = (["--goal", x, "0.0", z] for x, z in (("2.8", "0.0"), ("4.2", "
 class CoarseCamera(depth_camera.DepthCamera):
     """Cameras that take less time."""
 
-    pixels: int = 40
-    period: float = 0.5
+    pixels: int = 28
+    period: float = 1.0
 
 
 def test_it_tells_and_writes_what_happened(tmp_path, capsys, checked_graph, monkeypatch):

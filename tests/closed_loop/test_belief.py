@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import Box, stance_graph
+from mlivr_gym import Box
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
@@ -20,9 +20,8 @@ CAMERA = DepthCamera()
 
 
 @pytest.fixture
-def seen(jem, plan):
+def seen(graph, jem, plan):
     """A function that looks round several times among unknown boxes and returns the belief."""
-    graph = stance_graph(jem)
     motion, points = plan.motion, [jem.index(point) for point in plan.stances[0]]
 
     def look(*unknown, times=3):
@@ -112,18 +111,19 @@ def test_the_outermost_of_many_hits_lies_outside_by_this_much_in_the_mean(count)
     assert outermost(count) == pytest.approx(drawn.mean(), abs=4.0 * drawn.std() / np.sqrt(2000))
 
 
-def test_where_the_robot_is_there_is_nothing_else(seen, plan, jem, checked_graph):
-    state = checked_graph.state(plan.stances[0])
-    rotation = checked_graph.posture_of(state).base_rotation[0]
+def test_where_the_robot_is_there_is_nothing_else(graph, seen, plan, jem):
+    state = graph.state(plan.stances[0])
+    rotation = graph.posture_of(state).base_rotation[0]
     # Capsules that contain the body keep the clearance of 0.02 m.
-    side = 0.5 * np.sqrt(2.0) * checked_graph.robot.body_edges[1] + 0.025
+    side = 0.5 * np.sqrt(2.0) * graph.robot.body_edges[1] + 0.025
     for axis, sign in ((1, 1.0), (1, -1.0), (2, 1.0)):
         shift = np.zeros(3)
         shift[axis] = sign * (side + 0.1)
         centre = plan.motion.base_positions[0] + rotation @ shift
         close = Box("close", "obstacle", tuple(centre), (0.1, 0.1, 0.1), Box.rows(rotation))
-        graph = seen(close).graph
-        assert graph.state(plan.stances[0]).stance == tuple(jem.index(p) for p in plan.stances[0])
+        assert seen(close).graph.state(plan.stances[0]).stance == tuple(
+            jem.index(p) for p in plan.stances[0]
+        )
 
 
 def test_points_to_which_paths_were_blocked_are_free_again_once(seen):
@@ -176,15 +176,15 @@ def test_two_hits_are_an_obstacle_as_long_as_there_is_a_plan(seen, plan):
         belief.update_graph(state)
 
 
-def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, jem):
+def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(graph, plan, jem):
     """The first swing among random boxes, with a robot that is off by some centimetres."""
-    graph, rng = stance_graph(jem), np.random.default_rng(3)
+    rng = np.random.default_rng(3)
     trajectory = step_trajectory(graph, plan, 0, Durations())
     base = trajectory.base_positions[0]
     first = int(0.4 * len(trajectory.times))
     ahead = first + np.arange(0.0, HORIZON + 0.05, 0.1) / trajectory.period
     boxes, found = [], {True: 0, False: 0}
-    for k in range(40):
+    for k in range(20):
         centre, half = base + rng.uniform(-0.8, 0.8, 3), rng.uniform(0.05, 0.3, 3)
         boxes.append(Box.between(f"thing{k}", "obstacle", centre - half, centre + half))
     simulation = Setup().simulation(jem, graph.robot, boxes)
@@ -208,67 +208,25 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(plan, 
         assert belief.will_touch(trajectory, first, beside(first)) == touches
         found[touches] += 1
         graph.remove_obstacles()
-    assert min(found.values()) >= 10
+    assert min(found.values()) >= 5
 
 
-HIT = [4.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize(
-    ("hits", "named"),
-    [
-        (np.array([HIT, [4.0, np.nan, 0.0], [np.inf, 0.0, 0.0]]), "2 of 3 .* row 1, .*nan"),
-        ([HIT, [4.0, float("nan"), 0.0]], r"hits\[1\]\[1\] is nan"),
-        (np.array([HIT])[:, :2], r"shape \(1, 2\)"),
-        (np.array(HIT), r"shape \(3,\)"),
-        (1000.0 * np.array([HIT]), "metres"),
-        (np.array([HIT], dtype=str), "finite numbers"),
-        (None, "hits is None"),
-    ],
-)
-def test_hits_that_are_no_positions_are_refused_as_a_whole(seen, plan, hits, named):
-    belief = seen(times=0)
-    with pytest.raises(SettingError, match=named) as caught:
-        belief.add_hits(hits, plan.configuration(0))
-    assert "\n" not in str(caught.value)
-    assert not belief.boxes()
-    assert belief.add_hits(np.array([HIT]), plan.configuration(0)) == 0  # one hit of two
-    assert belief.add_hits(np.zeros((0, 3)), plan.configuration(0)) == 0  # all rays hit nothing
-
-
-@pytest.mark.parametrize("part", [0, 1, 2])
-def test_hits_with_an_unknown_configuration_are_not_taken_in(seen, plan, part):
-    belief, present = seen(times=0), list(plan.configuration(0))
-    present[part] = np.full_like(present[part], np.nan)
-    for wrong in (present, present[:2], None):
+def test_what_is_refused_is_not_taken_in_at_all(seen, plan):
+    """Neither other hits of a look nor a point that the map lacks."""
+    belief, here, hits = seen(times=0), plan.configuration(0), np.full((6, 3), (4.0, 0.0, 0.0))
+    for wrong in (np.vstack([hits, [4.0, np.nan, 0.0]]), 1000.0 * hits):
+        with pytest.raises(SettingError, match="hits"):
+            belief.add_hits(wrong, here)
+    for part in range(3):
+        present = list(here)
+        present[part] = np.full_like(present[part], np.nan)
         with pytest.raises(SettingError):
-            belief.add_hits(np.array([HIT] * 5), wrong)
-    assert belief.add_hits(np.array([HIT]), plan.configuration(0)) == 0
-    assert not belief.boxes()
-
-
-@pytest.mark.parametrize("noise", [np.nan, np.inf, -0.001, 1.1, None, "3 mm"])
-def test_a_noise_that_is_no_length_is_refused(checked_graph, noise):
-    with pytest.raises(SettingError, match="noise"):
-        Belief(checked_graph, noise)
-
-
-def test_a_point_that_the_map_lacks_is_not_remembered(checked_graph):
-    belief = Belief(checked_graph, 0.003)
+            belief.add_hits(hits, present)
     for take in (belief.refuse, belief.avoid):
         with pytest.raises(MlivrError, match="graspable point"):
             take(-1)
+    with pytest.raises(SettingError, match="noise"):
+        Belief(belief.graph, -0.001)
     assert not belief.refused | belief.avoided
-
-
-def test_other_arguments_are_refused_by_name(seen, plan):
-    belief = seen(times=0)
-    with pytest.raises(SettingError, match="state"):
-        belief.update_graph(plan.stances[0])
-    with pytest.raises(SettingError, match="trajectory"):
-        belief.is_blocked(plan, 0)
-    trajectory = step_trajectory(belief.graph, plan, 0, Durations())
-    with pytest.raises(SettingError, match="first"):
-        belief.is_blocked(trajectory, -1)
-    with pytest.raises(SettingError, match="base position"):
-        belief.will_touch(trajectory, 0, (None, *plan.configuration(0)[1:]))
+    assert belief.add_hits(np.zeros((0, 3)), here) == 0  # all rays hit nothing
+    assert not belief.boxes()

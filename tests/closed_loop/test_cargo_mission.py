@@ -211,14 +211,3 @@ def test_a_mission_is_filmed(mission, parts, tmp_path):
     with Image.open(tmp_path / "mission.gif") as shown:
         assert shown.size == (160, 90)
         assert shown.n_frames > len(parts)
-
-
-@pytest.mark.parametrize(
-    ("given", "named"),
-    [({"speed": 0.0}, "speed is 0.0"), ({"size": (160,)}, "size"), ({"parts": []}, "parts")],
-)
-def test_what_cannot_be_filmed_is_named(mission, tmp_path, given, named):
-    part = cargo_mission.MissionPart("walk", None, None, None, 0.0)
-    arguments = {"parts": [part], "path": tmp_path / "mission.gif"} | given
-    with pytest.raises(MlivrError, match=named):
-        mission_film(mission, **arguments)

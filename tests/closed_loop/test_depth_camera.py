@@ -1,11 +1,7 @@
 """Measured points lie where rays meet boxes and nothing of the robot is seen."""
 
-from contextlib import contextmanager
-from copy import copy
-
 import numpy as np
 import pytest
-from gl_there import gl_or_skip
 
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import (
@@ -17,7 +13,7 @@ from mlivr_gym.closed_loop.depth_camera import (
 )
 from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.disturbances import robot_body_ids
-from mlivr_gym.simulation.gl import mujoco, render_error
+from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.setup import Setup
 
 WALL = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
@@ -63,81 +59,32 @@ def lenses_of(simulation, robot):
             yield tool.xpos + turn @ ((0.04 + LENS_OFFSET) * side), turn, axis
 
 
+def meets_the_robot(simulation, origin, ray):
+    """Whether a ray first meets a part of the robot."""
+    model, geom = simulation.model, np.zeros(1, dtype=np.int32)
+    mujoco.mj_ray(model, simulation.data, origin, ray, None, 1, -1, geom)
+    return model.geom_bodyid[geom[0]] in robot_body_ids(model)
+
+
 def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     camera, robot = DepthCamera(pixels=6, noise=0.0), checked_graph.robot
     look = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
     points, origins = look
-    boxes, expected, lenses = [*checked_graph.grasp_map.boxes, WALL], [], []
+    boxes, expected, lenses, hidden = [*checked_graph.grasp_map.boxes, WALL], [], [], 0
     for origin, turn, axis in lenses_of(simulation, robot):
         lenses.append(origin)
         for ray in camera.rays(axis[None])[0] @ turn.T:
             distance = first_hit(origin, ray, boxes)
             if distance <= camera.max_range:
                 expected.append(origin + distance * ray)
+                hidden += meets_the_robot(simulation, origin, ray)
     lenses = np.array(lenses)
     assert np.linalg.norm(origins[:, None] - lenses, axis=2).min(axis=1).max() < 1e-9
     expected = np.array(expected)
     away = np.linalg.norm(points[:, None] - expected, axis=2)
     assert away.min(axis=1).max() < 1e-9  # each point is a first hit
-    hidden = len(expected) - len(points)  # lies behind the limbs
-    assert 0 < hidden < 0.5 * len(expected)
-
-
-@contextmanager
-def rendering(model, pixels):
-    """A renderer by which nothing is too near; where it cannot be had, a `RenderError`."""
-    model = copy(model)
-    model.vis.map.znear, model.vis.quality.offsamples = 0.002 / model.stat.extent, 0
-    try:
-        renderer = mujoco.Renderer(model, pixels, pixels)
-    except Exception as error:
-        raise render_error(error) from None
-    with renderer:
-        yield renderer
-
-
-def aim(renderer, origin, axes, half_width):
-    """Set the cameras of a scene by hand, as the model has none there."""
-    near = renderer.model.vis.map.znear * renderer.model.stat.extent
-    for camera in renderer.scene.camera:
-        camera.pos, camera.forward, camera.up = origin, axes[0], -axes[2]
-        camera.frustum_near, camera.frustum_center = near, 0.0
-        camera.frustum_width = camera.frustum_top = near * half_width
-        camera.frustum_bottom = -near * half_width
-
-
-def test_the_hits_are_those_of_rendered_depth_images(simulation, checked_graph):
-    """OpenGL draws the depth and the shape in each pixel of the same cameras."""
-    camera, robot, n = DepthCamera(pixels=60, noise=0.0), checked_graph.robot, 60
-    model, data, half = simulation.model, simulation.data, np.tan(0.5 * camera.field_of_view)
-    hits, origins = camera.measure(model, data, robot, np.random.default_rng(0))
-    of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
-    errors, seen = [], 0
-    with gl_or_skip(), rendering(model, n) as renderer:
-        option = mujoco.MjvOption()
-        option.geomgroup[:], option.sitegroup[:] = 1, 0  # marks are not there for rays
-        for origin, turn, axis in lenses_of(simulation, robot):
-            right = np.cross(axis, (0.0, 0.0, 1.0))
-            axes = np.array([axis, right, np.cross(axis, right)]) @ turn.T
-            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-            images = []
-            for kind in ("depth", "segmentation"):
-                getattr(renderer, f"enable_{kind}_rendering")()
-                renderer.update_scene(data, scene_option=option)
-                aim(renderer, origin, axes, half)
-                images.append(renderer.render().copy())
-                getattr(renderer, f"disable_{kind}_rendering")()
-            depths, geoms = images[0], images[1][..., 0]
-            chosen = np.linalg.norm(origins - origin, axis=1) < 1e-6
-            depth, u, v = axes @ (hits[chosen] - origin).T
-            places = (np.array([u, v]) / depth / half + 1.0) * 0.5 * n - 0.5
-            column, row = np.round(places).astype(int)
-            errors += np.abs(depths[row, column] - depth).tolist()
-            centres = ((np.arange(n) + 0.5) / n * 2.0 - 1.0) * half
-            distances = depths * np.sqrt(1.0 + centres**2 + centres[:, None] ** 2)
-            seen += np.sum(~of_robot[geoms] & (geoms >= 0) & (distances <= camera.max_range))
-    assert len(errors) == len(hits) == pytest.approx(seen, rel=1e-3)
-    assert np.mean(np.array(errors) > 1e-4) < 1e-3  # pixels at edges
+    assert len(points) == len(expected) - hidden
+    assert hidden
 
 
 def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_graph):
@@ -167,38 +114,9 @@ def test_the_images_cover_all_directions():
     assert missed.max() > 3.0 * nearest.max()
 
 
-@pytest.mark.parametrize(
-    ("given", "named"),
-    [
-        ({"pixels": 1}, "pixels"),
-        ({"pixels": 80.0}, "pixels"),
-        ({"noise": -1.0}, "noise"),
-        ({"noise": "3 mm"}, "noise"),
-        ({"max_range": np.nan}, "max_range"),
-        ({"field_of_view": np.pi}, "field_of_view"),
-        ({"period": 0.0}, "period"),
-        ({"period": np.inf}, "period"),
-    ],
-)
-def test_wrong_parameters_are_named(given, named):
-    with pytest.raises(SettingError, match=named):
-        DepthCamera(**given)
-
-
-@pytest.mark.parametrize("axes", [None, [[1.0, 0.0]], [[np.nan, 1.0, 0.0]], [[0.0, 0.0, 1.0]]])
-def test_axes_that_give_no_image_are_refused(axes):
+def test_axes_along_z_give_no_image():
     with pytest.raises(SettingError, match="axes"):
-        DepthCamera(pixels=3).rays(axes)
-
-
-@pytest.mark.parametrize("name", ["model", "data", "robot", "rng", "pixels"])
-def test_what_is_no_simulation_is_not_measured(simulation, checked_graph, name):
-    given = {
-        "model": simulation.model, "data": simulation.data, "robot": checked_graph.robot,
-        "rng": np.random.default_rng(0), "pixels": slice(None),
-    }  # fmt: skip
-    with pytest.raises(SettingError, match=name):
-        DepthCamera(pixels=3).measure(**given | {name: 7})
+        DepthCamera(pixels=3).rays([[0.0, 0.0, 1.0]])
 
 
 def test_a_ray_that_hits_nothing_within_the_range_gives_no_point(simulation, checked_graph):

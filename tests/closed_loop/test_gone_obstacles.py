@@ -4,17 +4,12 @@ import numpy as np
 import pytest
 from loop_walks import CAMERA, GOAL, START, kinds
 
-from mlivr_gym import Box, stance_graph
+from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.planners import Planner
-
-
-@pytest.fixture(scope="module")
-def graph(jem):
-    return stance_graph(jem)
 
 
 @pytest.fixture(scope="module")

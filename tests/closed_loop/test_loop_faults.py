@@ -1,10 +1,11 @@
 """If sensing or planning fails, the robot stops and holds all its points."""
 
+import re
+
 import numpy as np
 import pytest
 from loop_walks import BAG, CAMERA, GOAL, START
 
-from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop import loop
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.loop import run_closed_loop
@@ -13,25 +14,13 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 
 
-@pytest.fixture(scope="module")
-def graph(jem):
-    return stance_graph(jem)
-
-
 class FaultyCamera(DepthCamera):
-    """Cameras that raise an error, by `fault`, at a time."""
-
-    def measure(self, model, data, robot, rng, pixels):
-        if data.time >= self.at:
-            raise self.fault
-        return super().measure(model, data, robot, rng, pixels)
-
-
-class BlankCamera(DepthCamera):
-    """Cameras that measure no numbers from a time on."""
+    """Cameras that measure no numbers from a time on, or raise an error."""
 
     def measure(self, model, data, robot, rng, pixels):
         look = super().measure(model, data, robot, rng, pixels)
+        if data.time >= self.at and self.fault is not None:
+            raise self.fault
         blank = look._replace(hits=np.full_like(look.hits, np.nan))
         return blank if data.time >= self.at else look
 
@@ -49,45 +38,39 @@ def loops(monkeypatch):
     return found
 
 
-@pytest.mark.parametrize(("at", "known", "unknown"), [(0.0, [], [BAG]), (2.0, [], [BAG]),
-                                                      (0.0, [BAG], [])])  # fmt: skip
-def test_cameras_without_numbers_leave_the_robot_on_all_its_points(
-    graph, monkeypatch, loops, at, known, unknown
+FAULTS = {
+    None: "hits has .*not finite",
+    SettingError("no picture"): "no picture",
+    RuntimeError("no picture"): "no picture",
+}
+"""What cameras do, and what is told."""
+
+
+@pytest.mark.parametrize(("at", "is_known"), [(0.0, False), (2.0, False), (0.0, True)])
+@pytest.mark.parametrize("fault", FAULTS, ids=repr)
+def test_cameras_that_fail_leave_the_robot_on_all_its_points(
+    graph, monkeypatch, loops, at, is_known, fault
 ):
     """At rest, and during the first swing, among things that a blind robot would touch.
 
-    Those that it knows it looks at before it plans.
+    Those that it knows it looks at before it plans. What is no error of the package is not hidden.
     """
-    monkeypatch.setattr(BlankCamera, "at", at, raising=False)
-    graph.add_obstacles(known)
-    camera = BlankCamera(period=0.5)
+    monkeypatch.setattr(FaultyCamera, "at", at, raising=False)
+    monkeypatch.setattr(FaultyCamera, "fault", fault, raising=False)
+    among = {"unknown": [] if is_known else [BAG], "camera": FaultyCamera(pixels=28, period=0.5)}
+    graph.add_obstacles([BAG] if is_known else [])
     try:
-        record = run_closed_loop(graph, START, GOAL, unknown=unknown, camera=camera)
+        if isinstance(fault, RuntimeError):
+            with pytest.raises(RuntimeError, match=FAULTS[fault]):
+                run_closed_loop(graph, START, GOAL, **among)
+            return
+        record = run_closed_loop(graph, START, GOAL, **among)
     finally:
         graph.remove_obstacles()
+        assert loops[0]._executor.simulation.points == list(graph.indices(START))
     assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-    assert "sensing or planning failed: hits has" in record.reason
-    assert "not finite" in record.reason
+    assert re.match(f"sensing or planning failed: {FAULTS[fault]}", record.reason)
     assert record.duration >= at
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
-
-
-@pytest.mark.parametrize("at", [0.0, 2.0])
-@pytest.mark.parametrize("error", [SettingError, RuntimeError])
-def test_cameras_that_fail_leave_the_robot_on_all_its_points(graph, monkeypatch, loops, at, error):
-    """At rest, and during the first swing; what is no error of the package is not hidden."""
-    camera = FaultyCamera(period=0.5)
-    monkeypatch.setattr(FaultyCamera, "at", at, raising=False)
-    monkeypatch.setattr(FaultyCamera, "fault", error("no picture"), raising=False)
-    if error is RuntimeError:
-        with pytest.raises(RuntimeError, match="no picture"):
-            run_closed_loop(graph, START, GOAL, camera=camera)
-    else:
-        record = run_closed_loop(graph, START, GOAL, camera=camera)
-        assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
-        assert record.reason == "sensing or planning failed: no picture"
-        assert record.duration >= at
-    assert loops[0]._executor.simulation.points == list(graph.indices(START))
 
 
 @pytest.mark.parametrize("called", [2, 3])

@@ -70,39 +70,15 @@ X = {"name": "x", "offset": 0, "datatype": 7, "count": 1}
         (header(frame="map"), "header.frame_id is 'map'; it must be 'module'"),
         (header(sec=1), "stamp is 3 s before .* at most 1 s"),
         (header(sec=5), "stamp is 1 s after .* at most 0.05 s"),
-        (header(nanosec=10**9), "nanosec is 1000000000; .*999999999"),
-        (header(sec=float("nan")), "sec is nan"),
-        ({"header": None}, "header is None; .* stamp, frame_id"),
-        ({"header": {"stamp": {"sec": 3, "nanosec": 0}}}, "header.frame_id is missing"),
-        ({"header": {"stamp": None, "frame_id": "module"}}, "header.stamp is None"),
-        ({"header": {"stamp": {"sec": 3}, "frame_id": "module"}}, "stamp.nanosec is missing"),
-        ({"header": ["module"]}, "header is .*stamp, frame_id"),
         ({"is_dense": True}, "is_dense is true, but point 2 is .*nan"),
-        ({"is_dense": 1}, "is_dense is 1; it must be true or false"),
-        ({"is_bigendian": None}, "is_bigendian is None"),
         ({"data": [0] * 87}, r"data has 87 bytes; .* 2 \* 44 = 88"),
-        ({"data": b""}, "data has 0 bytes"),
-        ({"data": None}, "data is None; it must be bytes"),
-        ({"data": "text"}, "data is 'text'"),
-        ({"data": 88}, "data is 88"),
         ({"data": [0] * 87 + [256]}, "data is .*from 0 to 255"),
-        ({"data": [0] * 87 + [0.5]}, "data is .*from 0 to 255"),
-        ({"data": [[0] * 44, [0] * 43]}, "data is .*from 0 to 255"),
         ({"row_step": 39, "data": [0] * 78}, r"row_step is 39; .* 2 \* 20 = 40"),
-        ({"row_step": -44}, "row_step is -44"),
         ({"point_step": 30}, "row_step is 44; .*60"),
         ({"point_step": 19}, r"fields\[3\].offset is 12; 8 bytes .* point_step, 19"),
-        ({"width": -1}, "width is -1; it must be a whole number from 0"),
-        ({"height": 2.0}, "height is 2.0"),
-        ({"fields": None}, "fields is None; it must be a list"),
         ({"fields": [X]}, "fields has 0 fields 'y'"),
         ({"fields": [X, X]}, "fields has 2 fields 'x'"),
-        ({"fields": [["x", 0, 7, 1]]}, r"fields\[0\] is .*; it must be an object"),
-        ({"fields": [{"name": "x", "count": 1, "datatype": 7}]}, r"fields\[0\].offset is missing"),
-        ({"fields": [{"name": "x", "count": 1, "offset": 0}]}, r"\[0\].datatype is missing"),
-        (with_field(0, offset=-4), r"fields\[0\].offset is -4"),
         (with_field(0, datatype=9), r"fields\[0\].datatype is 9; .*1 to 8"),
-        (with_field(1, datatype="FLOAT32"), r"fields\[1\].datatype is 'FLOAT32'"),
         (with_field(3, count=2), r"fields\[3\].count is 2; it must be 1"),
     ],
 )
@@ -110,14 +86,6 @@ def test_a_cloud_that_does_not_fit_is_refused(changed, named):
     with pytest.raises(SettingError, match=rf"message\..*{named}") as caught:
         points_of_message(organised() | changed, now=4.0, latest=1.0)
     assert str(caught.value).isprintable()
-
-
-@pytest.mark.parametrize("name", list(organised()))
-def test_a_message_without_a_field_is_refused(name):
-    message = organised()
-    del message[name]
-    with pytest.raises(SettingError, match=f"message.{name} is missing"):
-        points_of_message(message)
 
 
 def test_the_age_of_a_cloud_counts_only_where_the_time_is_given():
@@ -131,28 +99,6 @@ def test_the_age_of_a_cloud_counts_only_where_the_time_is_given():
         points_of_message(cloud, now=1e9 + 0.3, latest=0.2)
     with pytest.raises(SettingError, match="now is not given"):
         points_of_message(cloud, latest=0.2)
-
-
-@pytest.mark.parametrize(
-    ("changed", "named"),
-    [
-        ({"points": [[1.0, 2.0]]}, "points has shape"),
-        ({"points": np.array([[1.0, np.nan, 2.0]])}, "points has 1 of 1"),
-        ({"points": None}, "points is None"),
-        ({"time": np.nan}, "time is nan"),
-        ({"time": 1e12}, "time is 1000000000000.0; it must be from"),
-        ({"frame": None}, "frame is None"),
-    ],
-)
-def test_what_is_no_cloud_is_not_written(changed, named):
-    with pytest.raises(SettingError, match=named):
-        point_cloud_message(**{"points": POINTS, "time": 0.0} | changed)
-
-
-@pytest.mark.parametrize("other", [{"now": np.nan}, {"latest": -1.0, "now": 4.0}, {"frame": 7}])
-def test_other_arguments_are_refused_by_name(other):
-    with pytest.raises(SettingError, match=next(iter(other))):
-        points_of_message(organised(), **other)
 
 
 def read(message, **options):

@@ -3,6 +3,7 @@
 import gymnasium
 import numpy as np
 import pytest
+from loop_walks import GOAL, START
 
 from mlivr_gym import Box, MlivrError
 from mlivr_gym.agents import EvaluationTask, ReplanningPolicy, evaluate
@@ -18,7 +19,6 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.step_executor import MEASURES
 
-START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 TASK = {"start": START, "goal": GOAL}
 
 
@@ -126,17 +126,6 @@ def test_a_grasp_that_is_refused_is_no_end(empty):
     assert not empty.graph.occupied
 
 
-def test_a_point_to_which_no_swing_is_found_is_blocked(empty, monkeypatch):
-    empty.reset(seed=0, options=TASK)
-    action, state, executor = first_action(empty), empty.state, empty._executor
-    none = executor._not_begun(*divmod(action, len(empty.graph.grasp_map)), "no swing was found")
-    monkeypatch.setattr(executor, "prepared", lambda *_: none)
-    seen, _, ended, _, info = empty.step(action)
-    assert (ended, info["grasp_failed"], info["path_blocked"]) == (False, False, True)
-    assert seen["occupied"][action % len(empty.graph.grasp_map)] == 1
-    assert empty.state == state
-
-
 def test_after_a_failure_no_action_is_taken(empty):
     empty.reset(seed=0, options=TASK)
     empty._executor.simulation.refusing = frozenset(range(len(empty.graph.grasp_map)))
@@ -215,11 +204,8 @@ def test_it_is_evaluated_as_others(empty):
     [
         ({"dynamics": "kinematic"}, "'mujoco'"),
         ({"collisions": False}, "collisions is False"),
-        ({"boxes": -1}, "boxes"),
         ({"camera": {"pixel": 3}}, "pixel"),
-        ({"camera": "wide"}, "camera"),
         ({"tasks": "clutter"}, r"tasks is LayoutTasks\(.*, which draws layouts"),
-        ({"robot": "nobody"}, "nobody"),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 
-import mlivr_gym
 from mlivr_gym import Box
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import StanceError
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.moves import TableMoves
 
@@ -82,22 +81,19 @@ def test_a_start_that_cannot_be_held_and_a_step_before_a_reset_are_refused(env):
         MlivrEnv(map=env.graph.grasp_map).step(0)
 
 
-def test_environment_and_planner_do_not_import_torch():
-    import subprocess
-    import sys
-
-    code = (
-        "import sys, gymnasium, mlivr_gym, mlivr_gym.planners;"
-        "import mlivr_gym.cli.main, mlivr_gym.cli.table1;"
-        "gymnasium.make('MLIVR-JEM-v0').reset(seed=0); assert 'torch' not in sys.modules"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-    assert mlivr_gym.__version__
-
-
 @pytest.fixture(scope="module")
 def physical_env():
     return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
+
+
+@pytest.mark.parametrize(
+    "change", [{"transitions": False}, {"precompute": True}, {"grasp_failure": np.arange(38) / 380}]
+)
+def test_what_does_not_go_together_with_simulated_steps_is_refused(small_map, change):
+    given = {"map": small_map, "collisions": False, **change}
+    MlivrEnv(**given)
+    with pytest.raises(SettingError, match=r"dynamics='(mujoco|kinematic)'"):
+        MlivrEnv(dynamics="mujoco", **given)
 
 
 def test_both_checkers_pass_with_dynamics(physical_env):

@@ -14,10 +14,8 @@ from gl_there import gl_or_skip
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
-from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.snapshots import snapshot_frames
 from mlivr_gym.envs.wrappers import RecordVideo
-from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 
 SIZE = {"width": 160, "height": 120}
@@ -108,11 +106,6 @@ def test_both_modes_pass_the_checkers(mode):
     env_render_passive_checker(environment.unwrapped)
     check_env(environment.unwrapped, skip_render_check=True)
     environment.close()
-
-
-def test_a_render_mode_is_one_of_three():
-    with pytest.raises(SettingError, match="rgb_array_list"):
-        MlivrEnv(render_mode="film")
 
 
 @pytest.fixture

@@ -61,15 +61,19 @@ def test_the_single_environment_takes_start_and_goal(small_map, shuttle):
 
 
 def test_the_vector_environment_takes_start_and_goal_of_each_copy(small_map, shuttle):
-    copies = MlivrVectorEnv(5, map=small_map, collisions=False, tasks=shuttle, goal_tolerance=0.15)
+    """Also of each that starts anew since its episode has ended."""
+    given = {"collisions": False, "tasks": shuttle, "goal_tolerance": 0.15}
+    copies = MlivrVectorEnv(5, 1, map=small_map, **given)
+
+    def assert_taken(drawn):
+        stances = copies.tables.points[copies.stances].tolist()
+        assert [tuple(row) for row in stances] == [state.stance for state in drawn]
+        sets = [tuple(row) for row in copies.branch_sets.tolist()]
+        assert sets == [state.branch_sets for state in drawn]
+
     copies.reset(seed=1)
     assert shuttle.given == [(0.15, None)] * 5
-    assert [tuple(row) for row in copies.tables.points[copies.stances].tolist()] == [
-        state.stance for state in shuttle.drawn
-    ]
-    assert [tuple(row) for row in copies.branch_sets.tolist()] == [
-        s.branch_sets for s in shuttle.drawn
-    ]
+    assert_taken(shuttle.drawn)
     np.testing.assert_array_equal(copies.goals, [shuttle.goal] * 5)
     assert len(set(shuttle.drawn)) > 2
     copies.reset(seed=1)
@@ -78,19 +82,10 @@ def test_the_vector_environment_takes_start_and_goal_of_each_copy(small_map, shu
     assert shuttle.drawn[10:] != shuttle.drawn[:5]
     copies.reset(options={"reset_mask": np.array([False, True, False, True, False])})
     assert len(shuttle.drawn) == 17
-
-
-def test_a_copy_that_starts_anew_draws_another_task(small_map, shuttle):
-    copies = MlivrVectorEnv(3, 1, map=small_map, collisions=False, tasks=shuttle)
-    copies.reset(seed=0)
     actions = copies.action_masks().argmax(axis=1)
-    truncated = copies.step(actions)[3]
-    assert truncated.all()
+    assert copies.step(actions)[3].all()
     copies.step(actions)
-    assert len(shuttle.drawn) == 6
-    assert [tuple(row) for row in copies.tables.points[copies.stances].tolist()] == [
-        state.stance for state in shuttle.drawn[3:]
-    ]
+    assert_taken(shuttle.drawn[17:])
 
 
 def test_what_reset_is_given_is_not_drawn(small_map, shuttle):

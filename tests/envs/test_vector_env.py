@@ -25,14 +25,6 @@ def same(ours, theirs):
     return all(np.array_equal(ours[name], theirs[name]) for name in theirs)
 
 
-def test_gymnasium_makes_copies_that_share_tables(small_map):
-    made = gymnasium.make_vec("MLIVR-JEM-v0", num_envs=3, map=small_map, collisions=False)
-    assert isinstance(made.unwrapped, MlivrVectorEnv)
-    assert made.unwrapped.max_episode_steps == 100
-    assert made.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert made.observation_space.contains(made.reset(seed=5)[0])
-
-
 def test_a_copy_whose_episode_has_ended_is_not_stepped(small_map):
     copies = MlivrVectorEnv(3, 1, AutoresetMode.DISABLED, map=small_map, collisions=False)
     _, infos = copies.reset(seed=0)
@@ -42,6 +34,9 @@ def test_a_copy_whose_episode_has_ended_is_not_stepped(small_map):
 
 
 def test_what_copies_cannot_do_is_named(small_map):
+    env = MlivrEnv(map=small_map, collisions=False)
+    with pytest.raises(SettingError, match="env and reward, tasks are both given"):
+        MlivrVectorEnv(2, env=env, reward="base", tasks="far")
     for words, change in (
         ("takes no render_mode", {"render_mode": "rgb_array"}),
         ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
@@ -49,13 +44,6 @@ def test_what_copies_cannot_do_is_named(small_map):
     ):
         with pytest.raises(SettingError, match=words):
             MlivrVectorEnv(**({"num_envs": 1, "map": small_map, "collisions": False} | change))
-
-
-def test_an_environment_is_not_given_together_with_arguments(small_map):
-    """The arguments would have no effect."""
-    env = MlivrEnv(map=small_map, collisions=False)
-    with pytest.raises(SettingError, match="env and reward, tasks are both given"):
-        MlivrVectorEnv(2, env=env, reward="base", tasks="far")
 
 
 def test_nothing_goes_before_the_first_reset(small_map):
@@ -74,38 +62,28 @@ def test_nothing_goes_before_the_first_reset(small_map):
         copies.step(copies.action_masks().argmax(axis=1))
 
 
-def test_seeds(small_map):
+def test_a_list_of_seeds_seeds_each_copy_that_starts_anew(small_map):
+    """None goes on with the stream; without seeds two draws of eight tasks are not alike."""
     copies = MlivrVectorEnv(3, map=small_map, collisions=False)
 
     def drawn(seed, options=None):
         copies.reset(seed=seed, options=options)
-        return [
-            (*s, *g)
-            for s, g in zip(
-                copies.tables.points[copies.stances].tolist(), copies.goals, strict=True
-            )
-        ]
+        stances = copies.tables.points[copies.stances].tolist()
+        return [(*s, *g) for s, g in zip(stances, copies.goals, strict=True)]
 
-    one = drawn(5)
-    assert drawn(np.int64(5)) == drawn([5, 6, 7]) == drawn(np.array([5, 6, 7])) == one
-    assert drawn([7, np.int32(6), 5]) == one[::-1]
-    assert len(set(one)) == 3
-    assert drawn(None) != one
-    drawn(5)
+    assert drawn([7, np.int32(6), 5]) == drawn(np.int64(5))[::-1]
     later = drawn(None)
     drawn(5)
-    assert drawn([None, 9, None])[::2] == later[::2]  # None goes on with the stream
-    # Only the copies that start anew take their seeds.
+    assert drawn([None, 9, None])[::2] == later[::2]
     drawn(5)
     drawn([1, 2, 3], {"reset_mask": np.array([True, False, False])})
     assert drawn(None)[1:] == later[1:]
     for words, seed in (
-        ("seed has 4 entries; it must have 3", [1, 2, 3, 4]),
-        (r"seed\[1\] is 2.0", [1, 2.0, 3]),
+        ("seed has 4 entries; it must have 3", [1] * 4),
+        ("1. is 2.0", [1, 2.0, 3]),
     ):
         with pytest.raises(SettingError, match=words):
             copies.reset(seed=seed)
-    # Two draws of eight tasks are not alike by chance.
     fresh = [MlivrVectorEnv(8, map=small_map, collisions=False) for _ in range(2)]
     for env in fresh:
         env.reset()
@@ -189,35 +167,22 @@ def test_a_step_that_draws_no_task_changes_nothing(small_map):
     assert same(*(env.step(np.zeros(3, dtype=int))[0] for env in worlds))
 
 
-@pytest.mark.parametrize(
-    "actions",
-    [
+def test_a_batch_holds_integers_of_the_action_space(small_map):
+    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
+    copies.reset(seed=0)
+    told = r"actions must be 2 numbers of Discrete\(76\), in integers"
+    for actions in (
         [0.0, 1.0],
-        np.zeros(2),
         np.array([0.7, 1.2]),
         [0],
         0,
         [0, -1],
+        [0, 76],
         [True, False],
-        ["0", "1"],
         [[0, 1]],
-        [[0], [0, 1]],
-        None,
-    ],
-    ids=repr,
-)
-def test_a_batch_holds_integers_of_the_action_space(small_map, actions):
-    copies = MlivrVectorEnv(2, map=small_map, collisions=False)
-    copies.reset(seed=0)
-    with pytest.raises(
-        SettingError, match=r"actions must be 2 numbers of Discrete\(76\), in integers"
     ):
-        copies.step(actions)
+        with pytest.raises(SettingError, match=told):
+            copies.step(actions)
     assert copies.steps.tolist() == [0, 0]
-    for good in (
-        [0, 1],
-        np.array([0, 1], dtype=np.uint8),
-        torch.tensor([0, 1]),
-        copies.action_space.sample(),
-    ):
-        copies.step(good)
+    for kind in (list, lambda pair: np.array(pair, np.uint8), torch.tensor):
+        copies.step(kind([0, 1]))
