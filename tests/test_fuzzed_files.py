@@ -12,6 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym import GraspMap, RobotSpec, robot_spec
+from mlivr_gym.agents.hyperparameters import METHODS, load_hyperparameters
+from mlivr_gym.agents.test_set import load_test_set
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.planners import Plan
 from mlivr_gym.world.boxes import Box, load_obstacles
@@ -32,11 +34,14 @@ MODULE = (
     | {name: JEM[name][:3] for name in ("handrails", "segments")}
     | {"points": [POINT], "boxes": BOXES}
 )
+TASKS = json.loads(asset_path("test_set.json").read_text(encoding="utf-8"))
 FILES = {
     "map": MODULE,
     "saved map": json.loads(json.dumps(GraspMap.from_dict(MODULE | {"spacing": 0.5}).to_dict())),
     "robot": json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict())),
     "obstacles": {"boxes": BOXES, "occupied": ["D1a:4", "D2a:3"]},
+    "training": json.loads(asset_path("training.json").read_text(encoding="utf-8")),
+    "tasks": TASKS | {"worlds": [one | {"tasks": one["tasks"][:2]} for one in TASKS["worlds"][:3]]},
 }
 
 
@@ -65,6 +70,8 @@ LOADERS = {
     "saved map": same_map,
     "robot": same_robot,
     "obstacles": same_boxes,
+    "training": lambda path: [load_hyperparameters(method, path) for method in METHODS],
+    "tasks": load_test_set,
 }
 
 

@@ -6,9 +6,6 @@ import pytest
 from branches import arm_of, solutions
 from robot_texts import IIWA14, KR16, UR10E, frames_of, one_arm, whole_robot, written
 from scipy.spatial.transform import Rotation
-from ssik import Manipulator
-from ssik.solvers.husty_pfurner import general_6r
-from ssik_arms import apart
 
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.from_file import read_robot
@@ -119,23 +116,6 @@ def test_there_are_as_many_solutions_as_branches_of_the_family(tmp_path, name):
             assert min(apart) < 1e-8
             found[int(np.argmin(apart))] = True
     assert all(found)
-
-
-@pytest.mark.parametrize("name", ["kr16", "iiwa"])
-def test_ssik_finds_the_same_solutions(tmp_path, name):
-    """By elimination, whatever the axes are; where three are nearly parallel it misses some."""
-    file, _ = read(tmp_path, name, 0)
-    limb, chain, rng = file.fields["limb"], file.file_limbs[0].chain, np.random.default_rng(7)
-    places = np.vstack([np.zeros(3), chain.anchors, chain.flange[:3, 3]])
-    arm = Manipulator.from_axes(chain.axes, np.diff(places, axis=0))
-    for q in np.array([0.3, 0.5, 1.2, 0.4, 0.9, -1.0]) + rng.uniform(-0.2, 0.2, (5, 6)):
-        pose = families_flange(file, q)
-        mask, branches = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
-        ours = [file.exact_file_angles([b, b])[0] for k, b in enumerate(branches) if mask >> k & 1]
-        found, _ = general_6r.solve(arm.kinbody, arm.fk(ours[0]), allow_refinement=True)
-        theirs = np.array([one.q for one in found])
-        assert len(theirs) == len(ours) > 3
-        assert apart(theirs, np.array(ours)).max() < 1e-8
 
 
 @pytest.mark.parametrize("count", [2, 3])

@@ -1,7 +1,6 @@
 """Robots from URDF and MJCF: Pinocchio and MuJoCo tell where flanges are and how links move."""
 
 import json
-import math
 import re
 from pathlib import Path
 
@@ -233,23 +232,13 @@ def test_what_is_no_number_is_refused_before_mujoco_writes_a_log(
     ("options", "words"),
     [
         ({"limbs": 1}, "limbs is 1; it must be a whole number from 2 to 8"),
-        ({"limbs": -1}, "limbs is -1; it must be a whole number from 2 to 8"),
-        ({"tips": "link6"}, "tips is 'link6'; it must be a list"),
         ({"tips": []}, "tips has 0 entries; it must have 1"),
         ({"tool_frame": 3}, "tool_frame is 3; it must be a text"),
-        ({"tool_length": "long"}, "tool_length is 'long'; it must be a finite number"),
-        ({"tool_length": math.nan}, "tool_length is nan; it must be a finite number"),
         ({"body_size": "x"}, "body_size is 'x'; it must be a finite number"),
-        ({"mount_radius": -1}, "mount_radius is -1.0; it must be from 0 to 100 m"),
-        ({"speed_limits": "fast"}, "speed_limits is 'fast'; it must be a finite number"),
-        ({"speed_limits": True}, "speed_limits is True; it must be a finite number"),
         ({"torque_limits": [1, 2, 3, 4, 5, -6]}, r"torque_limits\[5\] is -6.0; it must be from"),
-        ({"torque_limits": 10**400}, "torque_limits is 1000"),
         ({"rotor_inertia": [1]}, r"rotor_inertia has shape \(1,\), \[1\]"),
-        ({"held_angle": "wide"}, "held_angle is 'wide'; it must be a finite number"),
         ({"capsules": "ur3e"}, "capsules is 'ur3e'; valid choices are 'ur5e'"),
         ({"capsules": [1]}, r"capsules\[0\] is 1; it must be an object"),
-        ({"package_dirs": "meshes"}, "package_dirs is 'meshes'; it must be a list"),
         ({"package_dirs": [1]}, r"package_dirs\[0\] is 1; it must be the path of a file"),
     ],
 )

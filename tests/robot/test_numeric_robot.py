@@ -7,7 +7,7 @@ import pytest
 from numeric_arms import LIMBS, frames_of
 from robot_texts import KR16, one_arm, written
 
-from mlivr_gym import RobotSpec, jem_map, robot_spec, stance_graph
+from mlivr_gym import RobotSpec, jem_map, stance_graph
 from mlivr_gym.errors import RobotError
 from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.planners import Planner
@@ -40,14 +40,6 @@ def test_a_robot_solved_numerically_walks_in_mujoco(robot):
     execution = execute(graph, plan)
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps)
-
-
-def test_a_saved_robot_is_the_same(robot, tmp_path):
-    path = str(tmp_path / "robot.json")
-    robot.save(path)
-    assert robot_spec(path) == robot
-    assert isinstance(robot.limb, NumericLimb)
-    assert "solved numerically" in robot.source
 
 
 def test_an_offset_in_the_wrist_leaves_the_closed_form(tmp_path):

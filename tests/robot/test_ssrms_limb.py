@@ -8,6 +8,7 @@ import pytest
 import station_arm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from robot_texts import one_arm, written
 
 from mlivr_gym import RobotSpec, SsrmsLimb
 from mlivr_gym.errors import RobotError
@@ -78,13 +79,6 @@ def test_bounds_of_reach_hold_from_the_mount(held, q):
         assert distance <= limb.farthest_flange(L_C, w_m) + 1e-9
 
 
-def test_it_is_read_from_a_robot_file_and_written_as_read(tmp_path):
-    robot = RobotSpec.from_dict({"limb": {"family": "ssrms", "held_angle": 0.5}})
-    assert robot.limb == replace(LIMB, held_angle=0.5)
-    robot.save(tmp_path / "robot.json")
-    assert RobotSpec.load(tmp_path / "robot.json") == robot
-
-
 @pytest.mark.parametrize(
     ("field", "message"),
     [
@@ -102,33 +96,21 @@ def test_a_faulty_field_is_refused_in_one_line(field, message):
     assert "\n" not in str(caught.value)
 
 
-def published_urdf():
-    """The published joints as a URDF with bodies of a sphere each; the tool's z axis is joint 7."""
-    parts, parent = ['<robot name="arm"><link name="b0"/>'], "b0"
-    for k, ((x, y, z), axis) in enumerate(station_arm.JOINTS):
-        along = " ".join(str(int(axis == name)) for name in "xyz")
-        parts.append(
-            f'<joint name="j{k}" type="revolute"><parent link="{parent}"/><child link="l{k}"/>'
-            f'<origin xyz="{x} {y} {z}"/><axis xyz="{along}"/>'
-            '<limit lower="-4.7" upper="4.7" effort="2332" velocity="0.07"/></joint>'
-            f'<link name="l{k}"><inertial><mass value="100"/><inertia ixx="9" iyy="9" izz="9" '
-            'ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><sphere radius="0.18"/>'
-            "</geometry></collision></link>"
-        )
-        parent = f"l{k}"
-    parts.append(
-        f'<link name="tool0"/><joint name="tip" type="fixed"><parent link="{parent}"/>'
-        f'<child link="tool0"/><origin xyz="{station_arm.END[0]} 0 0" rpy="0 1.5707963267949 0"/>'
-        "</joint></robot>"
-    )
-    return "".join(parts)
+def published_frames():
+    """Frames of the published joints and the end effector at angles 0, joints turning about z."""
+    frames, about = station_arm.bodies(np.zeros(7)), ("yzx", "xyz", "zxy")
+    axes = [about["xzy".index(axis)] for _, axis in station_arm.JOINTS]
+    frames = [
+        frame @ station_arm.transform(station_arm.along(letters), (0.0, 0.0, 0.0))
+        for frame, letters in zip(frames, axes, strict=True)
+    ]
+    return [*frames, frames[-1] @ station_arm.transform(np.eye(3), (0.0, 0.0, station_arm.END[0]))]
 
 
 def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
     """It is then a limb of the UR family; the sign of the booms is a choice of axes."""
-    path = tmp_path / "arm.urdf"
-    path.write_text(published_urdf())
-    robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="j0")
+    path = written(tmp_path, one_arm(frames=published_frames()))
+    robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="joint1")
     np.testing.assert_allclose(np.abs(robot.limb.lengths), LIMB.lengths, atol=1e-6)
     with pytest.raises(RobotError, match="no supported family"):
         RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5)

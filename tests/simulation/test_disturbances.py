@@ -187,18 +187,3 @@ def pose_of(grippers, limb):
     out = np.eye(4)
     out[:3, 3], out[:3, :3] = grippers.pose(limb)
     return out
-
-
-def test_a_gripper_is_close_only_while_the_robot_rests_on_the_limb_that_holds(jem, plan):
-    """Joints of the limb that approaches stand still; those of the other one turn, or do not."""
-    simulation, step = Simulation(jem, plan.world.robot), plan.steps[0]
-    simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
-    simulation._grippers.detach(step.limb)
-    guidance, controller = simulation._guidance, simulation._joint_controller
-    guidance.start(step.limb, jem.index(step.to_point))
-    guidance._filtered = np.zeros(6)
-    for turning in (0.0, 0.02):
-        speeds = np.zeros((2, 6))
-        speeds[1 - step.limb, 0] = turning
-        controller._past.append((np.zeros(12), speeds.ravel()))
-        assert guidance.is_close == (turning == 0.0)
