@@ -24,14 +24,14 @@ from mlivr_gym.motion.plan_motion import StepMotion, step_motion
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.pictures.figures import point_colours, save_figure
-from mlivr_gym.pictures.flat_views import (
+from mlivr_gym.pictures.map_views import (
     FROM_ABOVE,
     FROM_THE_SIDE,
-    VIEW_DIRECTIONS,
-    VIEW_NAMES,
     View,
+    fill_parts,
+    flat_axes,
 )
-from mlivr_gym.pictures.robot_shapes import Part, outline, pale, robot_parts
+from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -50,25 +50,17 @@ Span = tuple[float, float, float, float]
 
 
 def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) -> None:
-    """Draw shapes of a robot in a flat view, the farther ones first."""
-    toward = np.array(VIEW_DIRECTIONS[view])
-    for part in sorted(parts, key=lambda part: float(part.faces.mean(axis=(0, 1)) @ toward)):
-        edge = outline(part.faces, np.eye(3)[list(view)])
-        colour = pale(part.colour, paleness)
-        axes.fill(*edge.T, facecolor=colour, edgecolor="white", linewidth=0.4, zorder=3 - paleness)
+    """Draw shapes of a robot in a flat view, pale and with white edges."""
+    drawn = [part._replace(colour=pale(part.colour, paleness)) for part in parts]
+    fill_parts(axes, view, drawn, edgecolor="white", linewidth=0.4, zorder=3 - paleness)
 
 
 def shown(figure: Figure, place: Span, graph: TwoLimbGraph, view: View, span: Span) -> Any:
     """Return axes with a flat view of a part of the map."""
-    axes = figure.add_axes(place, aspect="equal")
+    axes = flat_axes(figure, place, view)
     axes.scatter(
         *graph.grasp_map.positions[:, view].T, s=3, color=point_colours(graph.grasp_map), zorder=1
     )
-    axes.set_xlabel("xyz"[view[0]] + " [m]", fontsize=8)
-    axes.set_ylabel("xyz"[view[1]] + " [m]", fontsize=8)
-    axes.tick_params(labelsize=8)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_title(VIEW_NAMES[view], fontsize=9.5, loc="left", color="0.25")
     axes.set(xlim=span[:2], ylim=span[2:])
     return axes
 

@@ -23,8 +23,8 @@ from reports import experiment, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.pictures.figures import new_figure, save_figure
-from mlivr_gym.pictures.reach_figure import panels_of
+from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.pictures.reach_figure import map_panels
 from mlivr_gym.stances.critical import edges_of, parts_of, point_losses, rail_losses
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -190,12 +190,8 @@ def picture(data: dict[str, Any], path: Path) -> None:
     grasp_map, jem = stance_graph().grasp_map, data["jem"]
     critical = {one["id"] for one in jem["points"]}
     cut, counts = set(jem["fewest_rails"]), np.array(jem["held_by"])
-    panels = panels_of(grasp_map)
-    rows = -(-len(panels) // 2)
-    figure = new_figure(12.8, 2.1 * rows)
-    for k, (name, (view, points)) in enumerate(panels.items()):
-        axes = figure.add_subplot(rows, 2, k + 1)
-        flat = grasp_map.positions[points][:, view]
+    figure, panels = map_panels(grasp_map)
+    for axes, points, flat in panels:
         ids = [grasp_map.ids[p] for p in points]
         shown = axes.scatter(
             *flat.T, c=counts[points], s=22, cmap="viridis_r", vmin=0, vmax=counts.max(), zorder=2
@@ -206,8 +202,6 @@ def picture(data: dict[str, Any], path: Path) -> None:
         ):
             some = flat[np.array(chosen)]
             axes.scatter(*some.T, s=size, marker=marker, facecolor="none", edgecolor=colour)
-        axes.set(xlabel="xyz"[view[0]] + " [m]", ylabel="xyz"[view[1]] + " [m]", aspect="equal")
-        axes.set_title(name, fontsize=9.5, loc="left", color="0.25")
     figure.tight_layout(rect=(0.0, 0.0, 0.92, 1.0))
     bar = figure.add_axes((0.93, 0.2, 0.012, 0.6))
     figure.colorbar(shown, cax=bar, label="stances that hold the point")

@@ -13,7 +13,13 @@ from reports import case_3, command_line
 
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.film import default_speed, film_pictures, film_samples, save_film
+from mlivr_gym.pictures.film import (
+    default_speed,
+    film_pictures,
+    film_samples,
+    recording_shots,
+    save_film,
+)
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import Limits
@@ -43,9 +49,8 @@ def main() -> None:
     times = longest.times[film_samples(longest, speed)]
     for words, recording in zip(PACES, recordings, strict=True):
         samples = np.searchsorted(recording.times, times - 1e-9).clip(0, len(recording.times) - 1)
-        pictures = film_pictures(
-            graph.grasp_map, graph.robot, recording, samples, plan=plan, size=SIZE, speed=speed
-        )
+        shown = recording_shots(graph.grasp_map, recording, samples, plan, speed)
+        pictures = film_pictures(graph.grasp_map, graph.robot, shown, SIZE)
         # A caption of one line goes above each picture.
         sides.append(
             [np.vstack([with_caption(one[:1], words, SIZE[1])[1:], one]) for one in pictures]

@@ -33,7 +33,7 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.film import film
-from mlivr_gym.pictures.flat_views import map_views
+from mlivr_gym.pictures.map_views import MapViews
 from mlivr_gym.pictures.plan_figure import plan_figure
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
@@ -75,10 +75,10 @@ def own_folder(tmp_path_factory):
         patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
         # What is drawn is not looked at here.
         drawn = "mlivr_gym.pictures.plan_figure"
-        for name in ("draw_ghost", "draw_flat_ghost", "draw_base_path"):
-            patch.setattr(f"{drawn}.{name}", lambda *_: None)
+        for name in ("solids", "base_path"):
+            patch.setattr(f"{drawn}.MapViews.{name}", lambda *_, **__: None)
         patch.setattr(f"{drawn}.save_figure", lambda figure, path: write_whole(path, b""))
-        patch.setattr(f"{drawn}.map_views", cache(map_views))
+        patch.setattr(f"{drawn}.MapViews", cache(MapViews))
         picture = np.zeros((16, 32, 3), np.uint8)
         patch.setattr("mlivr_gym.pictures.film.film_pictures", lambda *_, **__: [picture])
         yield patch

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +19,12 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.pictures.captions import strip_height, with_caption
+from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.figures import check_ending, save_image
 from mlivr_gym.pictures.plan_figure import configuration_figure
-from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot.specification import RobotSpec
@@ -58,12 +56,11 @@ def run(args: argparse.Namespace) -> None:
     check_outputs(args.out, args.mjcf, inputs=input_files(args))
     check_ending(args.out, (".png",))
     obstacles: Sequence[Box]
-    route = None
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
         robot, obstacles = plan.world.robot, plan.world.obstacles
-        drawn, route = _plan_shots(plan, args.stance), Route.of(grasp_map, plan)
+        drawn = _plan_shots(grasp_map, plan, args.stance)
         held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
         with Progress("building the stance graph", quiet=args.quiet):
@@ -79,9 +76,8 @@ def run(args: argparse.Namespace) -> None:
         scene = exported_model(grasp_map, robot, *held, obstacles)
     with Progress("drawing", quiet=args.quiet):
         draw(
-            grasp_map, robot, {Path(args.out): drawn}, args.size, obstacles, route,
-            capsules=args.capsules,
-        )  # fmt: skip
+            grasp_map, robot, {Path(args.out): drawn}, args.size, obstacles, capsules=args.capsules
+        )
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
     if args.mjcf:
         write_whole(args.mjcf, scene)
@@ -98,35 +94,25 @@ def _check(args: argparse.Namespace) -> None:
         refuse_ignored(args, "plan", ("map", "start"))
 
 
-def _plan_shots(plan: Plan, stance: int | None) -> list[Shot]:
+def _plan_shots(grasp_map: GraspMap, plan: Plan, stance: int | None) -> list[Shot]:
     """Return the shots of a plan: start and goal, or the chosen stance alone."""
     last = len(plan.stances) - 1
     if stance is not None and not 0 <= stance <= last:
         raise SettingError(
             f"--stance is {stance}; this plan has stances 0 (start) to {last} (goal)"
         )
-    return shots_of(plan, (0, last) if stance is None else (stance,))
+    return shots_of(grasp_map, plan, (0, last) if stance is None else (stance,))
 
 
-class Shot(NamedTuple):
-    """A picture of the robot in one configuration."""
-
-    configuration: Configuration
-    """Configuration of the robot."""
-    ghosts: Sequence[Configuration] = ()
-    """Configurations of translucent copies of it."""
-    caption: str = ""
-    """Caption, which is written below pictures that are large enough."""
-
-
-def shots_of(plan: Plan, stances: Sequence[int]) -> list[Shot]:
+def shots_of(grasp_map: GraspMap, plan: Plan, stances: Sequence[int]) -> list[Shot]:
     """Return a shot of each given stance of a plan, with the later stances as ghosts."""
-    last, shots = len(plan.stances) - 1, []
+    last, route, shots = len(plan.stances) - 1, Route.of(grasp_map, plan), []
     for k in stances:
         name = {0: ": the start", last: ": the goal"}.get(k, "")
         later = f"; pale: stances {k + 1} to {last}" if k < last else ""
         ghosts = [plan.configuration(after) for after in range(k + 1, last + 1)]
-        shots.append(Shot(plan.configuration(k), ghosts, f"stance {k} of {last}{name}{later}"))
+        caption = f"stance {k} of {last}{name}{later}"
+        shots.append(Shot(plan.configuration(k), (caption,), route, ghosts))
     return shots
 
 
@@ -136,34 +122,27 @@ def draw(
     pictures: Mapping[Path, Sequence[Shot]],
     size: tuple[int, int],
     obstacles: Sequence[Box] = (),
-    route: Route | None = None,
     *,
     capsules: bool = False,
 ) -> None:
     """Render pictures with MuJoCo, or with matplotlib if no GL library can be used.
 
     `pictures` are the shots of each picture, which are placed side by side, by the PNG file to
-    write; `size` is that of one shot [px]. With the route of a plan, shots have captions. With
-    `capsules` limbs are drawn by their collision shapes.
+    write; `size` is that of one shot [px]. With `capsules` limbs are drawn by their collision
+    shapes.
     """
-    width, height = size
-    strip = strip_height(height) if route is not None else 0
+    (width, height), first = size, next(iter(pictures.values()))[0]
+    lower = height - len(first.captions) * strip_height(height)
     try:
-        renderer = SceneRenderer(grasp_map, robot, width, height - strip, obstacles, capsules)
+        renderer = SceneRenderer(grasp_map, robot, width, lower, obstacles, capsules)
     except RenderError as error:
         print(f"no GL library can be used, so matplotlib draws instead: {error}", flush=True)
         for path, shots in pictures.items():
             shown = [shot.configuration for shot in shots]
-            configuration_figure(grasp_map, robot, shown, path, path.stem, route)
+            configuration_figure(grasp_map, robot, shown, path, path.stem, first.route)
     else:
         for path, shots in pictures.items():
-            side_by_side = []
-            for shot in shots:
-                picture = renderer.render(*shot.configuration, route=route, ghosts=shot.ghosts)
-                if route is not None:
-                    picture = with_caption(picture, shot.caption, height)
-                side_by_side.append(picture)
-            save_image(np.hstack(side_by_side), path)
+            save_image(np.hstack([shot.picture(renderer, height) for shot in shots]), path)
         renderer.close()
     for path in pictures:
         print(f"picture: {path}", flush=True)

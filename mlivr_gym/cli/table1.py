@@ -33,7 +33,6 @@ from mlivr_gym.paper import (
     unlimited,
 )
 from mlivr_gym.pictures.plan_figure import plan_figure
-from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -80,10 +79,11 @@ def run(args: argparse.Namespace) -> int:
     print(report(data))
     plan = plans[3]
     ends = {"start": 0, "goal": len(plan.stances) - 1}
-    pictures = {out / f"scene_{name}.png": shots_of(plan, [k]) for name, k in ends.items()}
     grasp_map = jem_map()
-    route = Route.of(grasp_map, plan)
-    draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles, route)
+    pictures = {
+        out / f"scene_{name}.png": shots_of(grasp_map, plan, [k]) for name, k in ends.items()
+    }
+    draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles)
     failed = broken_relations(data)
     args.result |= data | {"impossible": failed}
     args.result |= {"folder": out, "files": FILES}

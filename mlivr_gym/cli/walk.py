@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -31,10 +30,9 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.closed_loop_film import closed_loop_film
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.film import check_film_format
-from mlivr_gym.pictures.walk_figure import WalkedPlan, walk_figure
+from mlivr_gym.pictures.walk_figure import walk_figure
 from mlivr_gym.schema import Choice
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -117,25 +115,14 @@ def run(args: argparse.Namespace) -> int:
         write_whole(args.out, json.dumps(record.to_dict(), indent=1))
         print(f"record: {args.out}")
     if pictures and record.plans:
-        _draw(args, graph, record, unknown)
+        boxes = (*graph.obstacles, *unknown)
+        walk_figure(graph.grasp_map, record.plans, args.picture, boxes)
         print(f"picture: {pictures[0]}, {pictures[1]}")
     if args.film is not None:
         _film(args, graph, record, unknown=unknown, crew=crew)
     if record.crew_distance is not None and record.crew_distance <= 0.0:
         return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
-
-
-def _draw(
-    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, unknown: list[Box]
-) -> None:
-    """Draw a walk among boxes that it did not know at the start."""
-    boxes = (*graph.obstacles, *unknown)
-    plans = [
-        WalkedPlan(replace(plan, world=replace(plan.world, obstacles=boxes)), taken)
-        for plan, taken in record.plans
-    ]
-    walk_figure(graph.grasp_map, plans, args.picture)
 
 
 def _film(

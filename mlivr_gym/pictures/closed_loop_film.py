@@ -9,24 +9,22 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.record import ClosedLoopRecord, Event, Footage
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.pictures.captions import strip_height, with_caption, with_labels
 from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
     SPEED,
     check_film_format,
     default_speed,
-    film_cameras,
+    film_pictures,
     film_samples,
     save_film,
 )
-from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.pictures.scene_shapes import add_box, add_capsule, rgba
 from mlivr_gym.planners import Plan
@@ -137,24 +135,17 @@ def closed_loop_film(
     recording = record.footage.recording
     speed = default_speed(recording) if speed is None else speed
     samples = film_samples(recording, speed)
-    shown = [recording.configuration(int(k)) for k in samples]
-    (width, height), pictures = size, list[NDArray[np.uint8]]()
-    picture_height = height - 2 * strip_height(height)
-    cameras = film_cameras(graph.robot, shown, width / picture_height)
-    renderer = SceneRenderer(graph.grasp_map, graph.robot, width, picture_height, graph.obstacles)
-    tops = np.array([(*box.centre[:2], box.bounds[1, 2]) for box in unknown]).reshape(-1, 3)
-    times = [*recording.times[samples[:-1]].tolist(), record.duration]
-    for time, here, camera in zip(times, shown, cameras, strict=True):
-        moment = Moment.of(record, time)
+    labels = tuple(((*b.centre[:2], b.bounds[1, 2]), b.id, LABEL_COLOUR) for b in unknown)
+    shots = []
+    for k, time in zip(samples, [*recording.times[samples[:-1]], record.duration], strict=True):
+        moment = Moment.of(record, float(time))
         route = None if moment.plan is None else Route.of(graph.grasp_map, moment.plan)
         draw = partial(moment.add_to, unknown=unknown, crew=crew)
-        picture = renderer.render(*here, camera=camera, route=route, draw=draw)
-        pixels = camera.pixels(tops, width, picture_height)
-        picture = with_labels(picture, pixels, [(box.id, LABEL_COLOUR) for box in unknown])
         clock = f"{time:.0f} s of {record.duration:.0f} s (x{speed:g}), {moment.progress}"
-        picture = with_caption(picture, clock, height)
-        pictures.append(with_caption(picture, moment.news, height))
-        if progress is not None:
-            progress(len(pictures))
-    renderer.close()
+        lines = clock, moment.news
+        here = recording.configuration(int(k))
+        shots.append(Shot(here, lines, route, draw=draw, labels=labels))
+    pictures = film_pictures(
+        graph.grasp_map, graph.robot, shots, size, graph.obstacles, progress=progress
+    )
     save_film(pictures, path)

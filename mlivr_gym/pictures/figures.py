@@ -17,9 +17,6 @@ from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))
-"""Corners of each face of a box, as indices into `box_corners`."""
-
 BASE_COLOUR, GOAL_COLOUR = "#2b8a3e", "#ffb703"
 """Colours of base paths, green as in the paper, and of goals."""
 
@@ -51,72 +48,11 @@ def new_figure(width: float, height: float) -> Any:
     return figure
 
 
-def map_axes(grasp_map: GraspMap) -> tuple[Any, Any]:
-    """Create a 3-D figure of a map, to scale: tracks are thin lines, points are dots."""
-    figure = new_figure(12.8, 6.4)
-    axes: Any = figure.add_axes((-0.06, -0.14, 1.08, 1.22), projection="3d", computed_zorder=False)
-    for segment in grasp_map.segments:
-        axes.plot(*np.array([segment.start, segment.end]).T, color="0.82", linewidth=1.2, zorder=1)
-    style = {"s": 4, "color": point_colours(grasp_map), "depthshade": False, "zorder": 2}
-    axes.scatter(*grasp_map.positions.T, label="graspable points", **style)
-    low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
-    span = np.maximum(high - low, 0.3)
-    axes.set_box_aspect(span.copy(), zoom=1.3)  # the array is changed in place
-    for name, a, b in zip("xyz", low, low + span, strict=True):
-        getattr(axes, f"set_{name}lim")(a - 0.05, b + 0.05)
-    axes.set_xlabel("x [m] (Node 2 to airlock)", labelpad=18)
-    axes.set_ylabel("y [m]", labelpad=2)
-    axes.set_zlabel("z [m]", labelpad=-2)
-    axes.set_yticks([-1, 0, 1])
-    axes.set_zticks([-1, 0, 1])
-    axes.tick_params(labelsize=8)
-    axes.view_init(elev=18, azim=-72)
-    return figure, axes
-
-
-def draw_base_path(axes: Any, line: Array, stances: Array, label: str) -> None:
-    """Draw a base path, shape (k, 3), and the bases of stances, shape (s, 3) [m], as squares."""
-    axes.plot(*line.T, color=BASE_COLOUR, linewidth=3.0, zorder=5, label=label)
-    axes.scatter(*stances.T, color=BASE_COLOUR, marker="s", s=30, depthshade=False, zorder=5)
-
-
-def draw_goal(axes: Any, goal: Sequence[float], tolerance: float) -> None:
-    """Draw a goal position [m] as a star, and the goal region as a ball."""
-    style = {"color": GOAL_COLOUR, "edgecolor": "black", "depthshade": False, "zorder": 7}
-    axes.scatter(*np.array(goal), s=150, marker="*", label="goal", **style)
-    angle, rise = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 17), np.linspace(0.0, np.pi, 9))
-    ball = np.stack([np.cos(angle) * np.sin(rise), np.sin(angle) * np.sin(rise), np.cos(rise)])
-    ball = np.array(goal)[:, None, None] + tolerance * ball
-    axes.plot_wireframe(*ball, color=GOAL_COLOUR, linewidth=0.4, alpha=0.7, zorder=4)
-
-
-def add_heading(figure: Any, title: str, remark: str | None = None) -> None:
-    """Write a heading and a remark below it, at the upper left of a figure."""
-    figure.suptitle(title, x=0.02, y=0.975, ha="left", fontsize=13, parse_math=False)
-    if remark is not None:
-        figure.text(0.02, 0.91, remark, fontsize=9.5, color="0.25")
-
-
-def add_legend(figure: Any) -> None:
-    """Add a legend at the upper right of a figure."""
-    legend = figure.legend(
-        loc="upper right", bbox_to_anchor=(0.985, 0.985), ncols=2, fontsize=8.5, frameon=False
-    )
-    for handle in legend.legend_handles:
-        handle.set_alpha(1.0)
-
-
 def box_corners(box: Box) -> Array:
     """Return the eight corners of a box, shape (8, 3) [m]."""
     signs = np.array(list(product((-1.0, 1.0), repeat=3)))
     corners: Array = (signs * np.array(box.half)) @ np.array(box.rotation).T + np.array(box.centre)
     return corners
-
-
-def box_faces(box: Box) -> Array:
-    """Return the corners of the six faces of a box, shape (6, 4, 3) [m]."""
-    corners = box_corners(box)
-    return np.array([corners[list(face)] for face in FACES])
 
 
 def figure_files(path: str | Path) -> tuple[Path, Path]:

@@ -21,8 +21,8 @@ from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
+from mlivr_gym.pictures.captions import strip_height
+from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Flag, OrNone, Tuples
@@ -111,11 +111,51 @@ def film(
     """
     check_film_format(path)
     speed = default_speed(recording) if speed is None else speed
+    shots = recording_shots(grasp_map, recording, film_samples(recording, speed), plan, speed)
     pictures = film_pictures(
-        grasp_map, robot, recording, film_samples(recording, speed), plan=plan, size=size,
-        speed=speed, obstacles=obstacles, capsules=capsules, progress=progress,
-    )  # fmt: skip
+        grasp_map, robot, shots, size, obstacles, capsules=capsules, progress=progress
+    )
     save_film(pictures, path)
+
+
+def recording_shots(
+    grasp_map: GraspMap, recording: Recording, samples: IntArray, plan: Plan | None, speed: float
+) -> list[Shot]:
+    """Return a shot for each of the given samples of a recording, with captions for a plan."""
+    if plan is None:
+        return [Shot(recording.configuration(int(k))) for k in samples]
+    route = Route.of(grasp_map, plan)
+    return [
+        Shot(recording.configuration(k), (caption(recording, k, plan, speed),), route)
+        for k in samples.tolist()
+    ]
+
+
+def film_pictures(
+    grasp_map: GraspMap,
+    robot: RobotSpec,
+    shots: Sequence[Shot],
+    size: tuple[int, int] = DEFAULT_SIZE,
+    obstacles: Sequence[Box] = (),
+    *,
+    capsules: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> list[NDArray[np.uint8]]:
+    """Take pictures of a size [px] by a camera that follows the robot; see `film`.
+
+    All shots have as many captions.
+    """
+    width, height = size
+    lower = height - len(shots[0].captions) * strip_height(height)
+    renderer = SceneRenderer(grasp_map, robot, width, lower, obstacles, capsules)
+    cameras = film_cameras(robot, [shot.configuration for shot in shots], width / lower)
+    pictures = []
+    for shot, camera in zip(shots, cameras, strict=True):
+        pictures.append(shot.picture(renderer, height, camera))
+        if progress is not None:
+            progress(len(pictures))
+    renderer.close()
+    return pictures
 
 
 def default_speed(recording: Recording) -> float:
@@ -150,38 +190,6 @@ def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
     kind = check_film_format(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
     write_whole(path, _gif(pictures) if kind == ".gif" else _mp4(pictures))
-
-
-def film_pictures(
-    grasp_map: GraspMap,
-    robot: RobotSpec,
-    recording: Recording,
-    samples: IntArray,
-    *,
-    plan: Plan | None = None,
-    size: tuple[int, int] = DEFAULT_SIZE,
-    speed: float = 1.0,
-    obstacles: Sequence[Box] = (),
-    capsules: bool = False,
-    progress: Callable[[int], None] | None = None,
-) -> list[NDArray[np.uint8]]:
-    """Render one picture for each of the given samples of a recording; see `film`."""
-    width, height = size
-    picture_height = height - (strip_height(height) if plan is not None else 0)
-    renderer = SceneRenderer(grasp_map, robot, width, picture_height, obstacles, capsules)
-    shown = [recording.configuration(int(k)) for k in samples]
-    cameras = film_cameras(robot, shown, width / picture_height)
-    route = Route.of(grasp_map, plan) if plan is not None else None
-    pictures = []
-    for done, (k, configuration, camera) in enumerate(zip(samples, shown, cameras, strict=True), 1):
-        picture = renderer.render(*configuration, camera=camera, route=route)
-        if plan is not None:
-            picture = with_caption(picture, caption(recording, int(k), plan, speed), height)
-        pictures.append(picture)
-        if progress is not None:
-            progress(done)
-    renderer.close()
-    return pictures
 
 
 def film_cameras(

@@ -14,16 +14,15 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.closed_loop.cargo_mission import BAG, CargoMission, MissionPart
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.pictures.captions import strip_height, with_caption
 from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
     SPEED,
     check_film_format,
-    film_cameras,
+    film_pictures,
     film_samples,
     save_film,
 )
-from mlivr_gym.pictures.rendering import SIZE, SceneRenderer
+from mlivr_gym.pictures.rendering import SIZE, Shot
 from mlivr_gym.pictures.scene_shapes import add_box
 from mlivr_gym.robot.cargo import LockedLimb
 from mlivr_gym.schema import ListOf
@@ -56,26 +55,18 @@ def mission_film(
     `parts` are what `mission.execute` returned.
     """
     check_film_format(path)
-    graph, ends = mission.graphs[0], np.cumsum([part.recording.times[-1] for part in parts])
+    graph, obstacles = mission.graphs[0], mission.graphs[1].obstacles
     standing = next(box for box in mission.plans[0].world.obstacles if box.id == BAG)
-    shown = [
-        (part, k, _configuration(mission, part, k))
-        for part in parts
-        for k in film_samples(part.recording, speed).tolist()
-    ]
-    (width, height), obstacles = size, mission.graphs[1].obstacles
-    picture_height, pictures = height - strip_height(height), []
-    renderer = SceneRenderer(graph.grasp_map, graph.robot, width, picture_height, obstacles)
-    cameras = film_cameras(graph.robot, [here for *_, here in shown], width / picture_height)
-    begins = dict(zip([part.name for part in parts], [0.0, *ends[:-1]], strict=True))
-    for (part, k, here), camera in zip(shown, cameras, strict=True):
-        bag = held_bag(mission, here) if part.name in IN_GRIPPER else standing
-        picture = renderer.render(*here, camera=camera, draw=partial(add_box, box=bag))
-        time = begins[part.name] + part.recording.times[k]
-        text = f"{time:.0f} s of {ends[-1]:.0f} s (x{speed:g}): {part.name}, limb {mission.limb}"
-        pictures.append(with_caption(picture, text, height))
-    renderer.close()
-    save_film(pictures, path)
+    ends = np.cumsum([part.recording.times[-1] for part in parts])
+    shots = []
+    for part, begin in zip(parts, [0.0, *ends], strict=False):
+        for k in film_samples(part.recording, speed).tolist():
+            time, here = begin + part.recording.times[k], _configuration(mission, part, k)
+            bag = held_bag(mission, here) if part.name in IN_GRIPPER else standing
+            text = f"{time:.0f} s of {ends[-1]:.0f} s (x{speed:g}): {part.name}"
+            line = f"{text}, limb {mission.limb}"
+            shots.append(Shot(here, (line,), draw=partial(add_box, box=bag)))
+    save_film(film_pictures(graph.grasp_map, graph.robot, shots, size, obstacles), path)
 
 
 def _configuration(mission: CargoMission, part: MissionPart, k: int) -> Configuration:

@@ -10,7 +10,7 @@ import atexit
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.errors import RenderError, SceneError, SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.pictures.camera import CAMERA, Camera
-from mlivr_gym.pictures.captions import with_labels
-from mlivr_gym.pictures.route import Route
+from mlivr_gym.pictures.captions import with_caption, with_labels
+from mlivr_gym.pictures.route import Label, Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Anything, Choice, FieldPath, Flag, Integer, ListOf, OrNone
 from mlivr_gym.world.boxes import Box
@@ -151,12 +151,7 @@ class SceneRenderer:
         if route is not None:
             route.add_to(self._renderer.scene)
         image: NDArray[np.uint8] = self._renderer.render().copy()
-        if route is None:
-            return image
-        labels = route.labels()
-        label_positions = np.array([place for place, _, _ in labels]).reshape(-1, 3)
-        pixels = camera.pixels(label_positions, image.shape[1], image.shape[0])
-        return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
+        return image if route is None else _labelled(image, camera, route.labels())
 
     def overview(self) -> Camera:
         """Return a camera that sees the whole map, and a robot anywhere on it."""
@@ -184,6 +179,46 @@ class SceneRenderer:
         """Release the GL context."""
         atexit.unregister(self._renderer.close)
         self._renderer.close()
+
+
+class Shot(NamedTuple):
+    """What a picture shows."""
+
+    configuration: Configuration
+    """Configuration of the robot."""
+    captions: tuple[str, ...] = ()
+    """Lines that are written below a picture that is large enough."""
+    route: Route | None = None
+    """Route of a plan."""
+    ghosts: Sequence[Configuration] = ()
+    """Configurations of translucent copies of the robot."""
+    draw: Callable[[Any], None] | None = None
+    """Function that adds shapes to the `mujoco.MjvScene`."""
+    labels: Sequence[Label] = ()
+    """Labels in addition to those of the route."""
+
+    def picture(
+        self, renderer: SceneRenderer, height: int, camera: Camera | None = None
+    ) -> NDArray[np.uint8]:
+        """Return the picture; `height` is its height with the captions [px]."""
+        camera = camera or renderer.overview()
+        image = renderer.render(
+            *self.configuration, camera=camera, route=self.route, ghosts=self.ghosts, draw=self.draw
+        )
+        if self.labels:
+            image = _labelled(image, camera, self.labels)
+        for line in self.captions:
+            image = with_caption(image, line, height)
+        return image
+
+
+def _labelled(
+    image: NDArray[np.uint8], camera: Camera, labels: Sequence[Label]
+) -> NDArray[np.uint8]:
+    """Write labels on the picture of a camera."""
+    positions = np.array([position for position, _, _ in labels]).reshape(-1, 3)
+    pixels = camera.pixels(positions, image.shape[1], image.shape[0])
+    return with_labels(image, pixels, [(text, colour) for _, text, colour in labels])
 
 
 class SceneWindow:

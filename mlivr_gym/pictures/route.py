@@ -25,6 +25,10 @@ SAMPLES = 13
 """Number of samples of the base path of a step, enough for a smooth arc."""
 
 
+Label = tuple[Any, str, str]
+"""Position [m], text and colour of a label."""
+
+
 def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
     """Sample the base position along the base path of each step, shapes (samples, 3) [m]."""
     motion, share = plan.motion, np.linspace(0.0, 1.0, samples)
@@ -98,8 +102,8 @@ class Route(NamedTuple):
             add_ball(scene, foothold.position, FOOTHOLD_RADIUS, colour)
         add_ball(scene, self.goal, self.goal_tolerance, gold)
 
-    def labels(self) -> list[tuple[Array, str, str]]:
-        """Return position [m], text and colour of the labels: numbers of stances and footholds.
+    def labels(self) -> list[Label]:
+        """Return the labels: numbers of stances and footholds.
 
         The ends come first, and labels that cover others are omitted by pictures.
         """

@@ -22,18 +22,17 @@ from mlivr_gym.pictures.route import (
     plan_base_path,
 )
 from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.solids import (
     Mesh,
     Scene,
-    box_mesh,
     cylinder_mesh,
     merged,
+    mesh_of_box,
     rod_mesh,
-    transformed,
 )
-from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.006
@@ -57,11 +56,56 @@ LABEL_LIFT = 0.09
 GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
 """Colours of the previous plan's base path, of explored steps and of obstacles."""
 
+SECOND_OFFSET = np.array([0.0, 0.0, -3.4])
+"""Position of the module of a second plan relative to the first [m]."""
+
+SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
+"""Choices of where a second plan is shown."""
+
 GHOST_OPACITY = 0.35
-"""Opacity of the robot of a second plan."""
+"""Opacity of the robot of a second plan in the same module."""
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of the identity rotation, w, x, y, z."""
+
+
+def draw_stage(
+    page: Page, grasp_map: GraspMap, scene: Scene, positions: Array, aspect: float
+) -> Array:
+    """Draw lit module, points and robot, seen from where all of some positions (k, 3) [m] are seen.
+
+    Return the position of the camera [m]; `aspect` is the width of the picture divided by its
+    height.
+    """
+    page.scene.add_light_ambient("/sky", intensity=1.0)
+    for name, strength, position in (
+        ("lamp", 1.7, (-2.0, -3.5, 8.0)),  # from above
+        ("fill", 0.6, (5.0, -2.0, -5.0)),
+    ):
+        page.scene.add_light_directional(
+            f"/{name}", intensity=strength, position=position, cast_shadow=False
+        )
+    draw_module(page, "module", scene)
+    draw_points(page, grasp_map)
+    draw_robot(page, "robot", scene)
+    return aim_camera(page, positions, aspect)
+
+
+def draw_query(
+    page: Page, graph: StanceGraph, plan: Plan | None, goal: Array, tolerance: float
+) -> None:
+    """Draw plan, goal region, a ball about a position [m], obstacles and occupied points."""
+    draw_plan(page, "plan", graph.grasp_map, plan)
+    page.mesh("goal", ball_mesh(np.zeros(3), tolerance), to_rgba(GOAL_COLOUR, 0.35), position=goal)
+    page.remove("obstacles")
+    page.frame("obstacles")
+    for k, box in enumerate(graph.obstacles):
+        page.mesh(f"obstacles/{k}", mesh_of_box(box), to_rgba(OBSTACLE_COLOUR, 0.75))
+    page.remove("occupied")
+    if graph.occupied:
+        places = graph.grasp_map.positions[sorted(graph.occupied)]
+        balls = [ball_mesh(position, OCCUPIED_RADIUS) for position in places]
+        page.mesh("occupied", merged(balls), to_rgba(OCCUPIED_COLOUR))
 
 
 def draw_module(page: Page, name: str, scene: Scene) -> None:
@@ -112,67 +156,41 @@ def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
     return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
-def draw_obstacles(page: Page, boxes: tuple[Box, ...]) -> None:
-    """Draw obstacles in place of those drawn before."""
-    page.remove("obstacles")
-    page.frame("obstacles")
-    for k, box in enumerate(boxes):
-        mesh = transformed(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
-        page.mesh(f"obstacles/{k}", mesh, to_rgba(OBSTACLE_COLOUR, 0.75))
-
-
-def draw_occupied(page: Page, grasp_map: GraspMap, occupied: frozenset[int]) -> None:
-    """Draw dark balls at occupied points, in place of those drawn before."""
-    page.remove("occupied")
-    if occupied:
-        balls = [ball_mesh(grasp_map.positions[point], OCCUPIED_RADIUS) for point in occupied]
-        page.mesh("occupied", merged(balls), to_rgba(OCCUPIED_COLOUR))
-
-
 def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
-    """Draw the robot with nested links, so that joint angles alone change its configuration."""
-    paths = _paths(name, scene)
+    """Draw the robot with a node for each link."""
     page.remove(name)
     page.frame(name)
-    for link in scene.links:
-        page.frame(paths[link.name], position=link.position, wxyz=link.quaternion)
+    for link in {solid.link for solid in scene.robot}:
+        page.frame(_node(name, link))
     for k, solid in enumerate(scene.robot):
         if not solid.covered:
             colour = (*solid.colour[:3], solid.colour[3] * opacity)
-            page.mesh(f"{paths[solid.link]}/shape{k}", solid.mesh, colour)
+            page.mesh(f"{_node(name, solid.link)}/shape{k}", solid.mesh, colour)
 
 
 def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
     """Move a robot that is drawn to a configuration."""
-    position, quaternion, joints = configuration
-    paths = _paths(name, scene)
-    for link in scene.links:
-        if link.parent == "world":
-            page.nodes[paths[link.name]].position = position
-            page.nodes[paths[link.name]].wxyz = quaternion
-        elif link.joint is not None:
-            page.nodes[paths[link.name]].wxyz = link.orientation(joints)
+    for link, (position, quaternion) in scene.link_poses(configuration).items():
+        node = page.nodes.get(_node(name, link))
+        if node is not None:
+            node.position, node.wxyz = position, quaternion
 
 
 def show_collision_shapes(page: Page, name: str, scene: Scene, alone: bool) -> None:
     """Show the collision shapes of a robot alone, or what is drawn in their place."""
-    paths = _paths(name, scene)
     for k, solid in enumerate(scene.robot):
-        path = f"{paths[solid.link]}/shape{k}"
+        path = f"{_node(name, solid.link)}/shape{k}"
         if solid.covered and alone:
-            page.mesh(path, solid.mesh, solid.colour)
+            page.mesh(path, solid.mesh, (*solid.colour[:3], 1.0))
         elif solid.covered:
             page.remove(path)
         elif not solid.checked:
             page.show(path, not alone)
 
 
-def _paths(name: str, scene: Scene) -> dict[str, str]:
-    """Return the node names of the robot's links, by their names in the MuJoCo scene."""
-    paths = {"world": name}
-    for link in scene.links:
-        paths[link.name] = f"{paths[link.parent]}/{link.name.split('/')[-1]}"
-    return paths
+def _node(name: str, link: str) -> str:
+    """Return the node of a robot's link; none lies below another, since poses are in the world."""
+    return f"{name}/{link.replace('/', '.')}"
 
 
 def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
@@ -205,10 +223,18 @@ def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
         page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), to_rgba(GHOST_PATH))
 
 
-def draw_goal(page: Page, goal: Array, tolerance: float) -> None:
-    """Draw the goal region, a ball about the goal position [m]."""
-    colour = to_rgba(GOAL_COLOUR, 0.35)
-    page.mesh("goal", ball_mesh(np.zeros(3), tolerance), colour, position=goal)
+def draw_second(page: Page, where: str, grasp_map: GraspMap, scene: Scene, plan: Plan) -> None:
+    """Draw a second plan translucent in the same module, in a module below, or not at all."""
+    page.remove("second")
+    if where == HIDDEN:
+        return
+    page.frame("second", position=SECOND_OFFSET if where == SEPARATE else np.zeros(3))
+    draw_robot(page, "second/robot", scene, 1.0 if where == SEPARATE else GHOST_OPACITY)
+    if where == OVERLAID:
+        draw_pale_path(page, "second/path", plan)
+    else:
+        draw_plan(page, "second/plan", grasp_map, plan)
+        draw_module(page, "second/module", scene)
 
 
 def draw_tree(page: Page, tree: Array) -> None:
@@ -217,18 +243,6 @@ def draw_tree(page: Page, tree: Array) -> None:
     if len(tree):
         colour = tuple(round(255 * part) for part in to_rgba(TREE_COLOUR)[:3])
         page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
-
-
-def add_lights(page: Page) -> None:
-    """Light the module with ambient light, a lamp from above and a weaker one from below."""
-    page.scene.add_light_ambient("/sky", intensity=1.0)
-    for name, strength, position in (
-        ("lamp", 1.7, (-2.0, -3.5, 8.0)),
-        ("fill", 0.6, (5.0, -2.0, -5.0)),
-    ):
-        page.scene.add_light_directional(
-            f"/{name}", intensity=strength, position=position, cast_shadow=False
-        )
 
 
 def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:

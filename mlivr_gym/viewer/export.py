@@ -54,19 +54,13 @@ def _html_of_plan(
     page: Page, graph: StanceGraph, plan: Plan, recording: Recording | None, capsules: bool
 ) -> bytes:
     """Draw a plan or its execution on a page, and return its HTML."""
-    grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot, (), capsules)
+    grasp_map, scene = graph.grasp_map, scene_solids(graph.grasp_map, graph.robot, capsules)
     frames = plan_frames(graph, plan) if recording is None else recording_frames(recording)
-    drawing.add_lights(page)
-    positions = drawing.visible_positions(grasp_map, np.array(plan.query.goal), plan)
-    eye = drawing.aim_camera(page, positions, ASPECT)
-    drawing.draw_module(page, "module", scene)
-    drawing.draw_points(page, grasp_map)
+    goal = np.array(plan.query.goal)
+    positions = drawing.visible_positions(grasp_map, goal, plan)
+    eye = drawing.draw_stage(page, grasp_map, scene, positions, ASPECT)
     drawing.colour_points(page, grasp_map, marks.plain_marks(graph))
-    drawing.draw_obstacles(page, graph.obstacles)
-    drawing.draw_occupied(page, grasp_map, graph.occupied)
-    drawing.draw_goal(page, np.array(plan.query.goal), plan.query.goal_tolerance)
-    drawing.draw_plan(page, "plan", grasp_map, plan)
-    drawing.draw_robot(page, "robot", scene)
+    drawing.draw_query(page, graph, plan, goal, plan.query.goal_tolerance)
     for face in drawing.hidden_faces(grasp_map, eye):
         page.show(f"module/{face}", False)
         page.show(f"points/{face}", False)

@@ -10,9 +10,9 @@ from mlivr_gym.extras import describe_missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer.drawing import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.live_plan import PRICE
 from mlivr_gym.viewer.policy_view import REQUIRED_PACKAGES
-from mlivr_gym.viewer.second_plan import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.viewer import (
     AIM,
     BLOCK,

@@ -11,12 +11,19 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.limb_meshes import body_of, limb_meshes
+from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.pictures.limb_meshes import show_meshes
 from mlivr_gym.pictures.robot_shapes import JOINT_COLOUR
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import compile_spec, rgba, scene_spec
-from mlivr_gym.world.boxes import BOX, Box, scene_name
+from mlivr_gym.simulation.scene import (
+    COLOURS,
+    compile_spec,
+    rgba,
+    robot_alone,
+    set_configuration,
+)
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 ROUND = 20
@@ -40,90 +47,70 @@ class Solid(NamedTuple):
     face: str
     """Face of the cabin to which it belongs, `""` for none."""
     colour: Colour
-    """Its colour."""
+    """Its colour; a shape in whose place a visual mesh is drawn has opacity 0."""
     checked: bool
     """Whether it is a collision shape."""
     mesh: Mesh
     """Its triangles in the frame of the link."""
-    covered: bool = False
-    """Whether a visual mesh of the link is drawn in its place."""
 
-
-class Link(NamedTuple):
-    """A link of the robot."""
-
-    name: str
-    """Its name in the MuJoCo scene."""
-    parent: str
-    """Name of the parent link, `"world"` for the base."""
-    position: Array
-    """Its origin in the frame of the parent, shape (3,) [m]."""
-    quaternion: Array
-    """Its orientation in the frame of the parent at joint angle 0, w, x, y, z."""
-    joint: tuple[int, int] | None
-    """Limb and number of the joint that rotates it about z, None if it is fixed."""
-
-    def orientation(self, joints: Array) -> Array:
-        """Return its orientation w, x, y, z in the parent's frame at joint angles (N, 6) [rad]."""
-        if self.joint is None:
-            return self.quaternion
-        w, x, y, z = self.quaternion
-        half = 0.5 * float(joints[self.joint])
-        c, s = np.cos(half), np.sin(half)
-        return np.array([w * c - z * s, x * c + y * s, y * c - x * s, z * c + w * s])
+    @property
+    def covered(self) -> bool:
+        """Whether a visual mesh of the link is drawn in its place."""
+        return self.colour[3] == 0.0
 
 
 class Scene(NamedTuple):
-    """Links and shapes that a page draws."""
+    """The robot's MuJoCo model, which says where its links are, and the shapes that are drawn."""
 
-    links: tuple[Link, ...]
-    """Links of the robot, parents before their children."""
+    model: mujoco.MjModel
+    """Model of the robot alone."""
+    data: mujoco.MjData
+    """Its configuration."""
     robot: tuple[Solid, ...]
     """Shapes of the robot."""
     surroundings: tuple[Solid, ...]
     """Shapes that do not move; those of the same face and colour are merged."""
 
+    def link_poses(self, configuration: Configuration) -> dict[str, tuple[Array, Array]]:
+        """Return position [m] and quaternion w, x, y, z of each link in the world."""
+        set_configuration(self.model, self.data, *configuration)
+        names = [self.model.body(k).name for k in range(1, self.model.nbody)]
+        poses = zip(self.data.xpos[1:].copy(), self.data.xquat[1:].copy(), strict=True)
+        return dict(zip(names, poses, strict=True))
 
-def scene_solids(
-    grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = (), capsules: bool = False
-) -> Scene:
+
+def scene_solids(grasp_map: GraspMap, robot: RobotSpec, capsules: bool = False) -> Scene:
     """Return the scene of a robot in a module, with visual meshes where they ship.
 
     Limbs without meshes, or all with `capsules`, have rods for joints, which MuJoCo's scene omits.
-    Raises a `SceneError` if MuJoCo refuses the scene.
+    Raises a `SceneError` if MuJoCo refuses the robot.
     """
-    model = compile_spec(scene_spec(grasp_map, robot, obstacles))
-    faces = {scene_name(BOX, box.id): box.face for box in (*grasp_map.boxes, *obstacles)}
+    spec = robot_alone(robot)
+    if not capsules:
+        show_meshes(spec, robot)
+    model = compile_spec(spec)
     groups: dict[tuple[str, str, Colour, bool], list[Mesh]] = defaultdict(list)
+    for box in grasp_map.boxes:
+        groups["world", box.face, COLOURS[box.kind], True].append(mesh_of_box(box))
+    covered = set()
     for k in range(model.ngeom):
         geom = model.geom(k)
-        link = model.body(int(geom.bodyid[0])).name
-        r, g, b, opacity = (float(part) for part in geom.rgba)
+        link, (r, g, b, opacity) = model.body(int(geom.bodyid[0])).name, geom.rgba.tolist()
         rotation = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
-        mesh = transformed(_mesh_of(int(geom.type[0]), geom.size), geom.pos, rotation)
-        checked = bool(geom.contype[0])
-        groups[link, faces.get(geom.name, ""), (r, g, b, opacity), checked].append(mesh)
-    links = _links(model)
-    meshes = () if capsules else tuple(_visual_meshes(robot))
-    covered = {solid.link for solid in meshes}
-    for link, rod in _rods(model, links):
+        mesh = transformed(_mesh_of(model, k), geom.pos, rotation)
+        groups[link, "", (r, g, b, opacity), bool(geom.contype[0])].append(mesh)
+        if geom.type[0] == mujoco.mjtGeom.mjGEOM_MESH:
+            covered.add(link)
+    for link, rod in _rods(model):
         if link not in covered:
             groups[link, "", rgba(JOINT_COLOUR), False].append(rod)
-    solids = [Solid(*key, merged(made), key[0] in covered) for key, made in groups.items()]
-    solids += meshes
+    solids = [Solid(*key, merged(made)) for key, made in groups.items()]
     return Scene(
-        links,
+        model,
+        mujoco.MjData(model),
         tuple(solid for solid in solids if solid.link != "world"),
         tuple(solid for solid in solids if solid.link == "world"),
     )
-
-
-def _visual_meshes(robot: RobotSpec) -> Iterator[Solid]:
-    """Yield the visual meshes of the limbs."""
-    for limb in range(robot.limbs):
-        for mesh in limb_meshes(robot, limb):
-            triangles = _with_edges(trimesh.Trimesh(mesh.vertices, mesh.faces))
-            yield Solid(body_of(limb, mesh.link), "", mesh.colour(limb), False, triangles)
 
 
 def merged(meshes: Sequence[Mesh]) -> Mesh:
@@ -174,52 +161,40 @@ def _with_edges(mesh: Mesh) -> Mesh:
     return shaded
 
 
-def _mesh_of(kind: int, size: Array) -> Mesh:
-    """Return the mesh of a geom, which is a box, a capsule or a cylinder."""
+def mesh_of_box(box: Box) -> Mesh:
+    """Return the mesh of a box in the world."""
+    return transformed(box_mesh(box.half), np.array(box.centre), np.array(box.rotation))
+
+
+def _mesh_of(model: mujoco.MjModel, k: int) -> Mesh:
+    """Return the mesh of a geom, which is a mesh, a box, a capsule or a cylinder."""
+    kind, size = model.geom_type[k], model.geom_size[k]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.mesh(int(model.geom_dataid[k]))
+        vertices = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+        faces = model.mesh_face[mesh.faceadr[0] :][: mesh.facenum[0]]
+        return _with_edges(trimesh.Trimesh(vertices, faces))
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
         return box_mesh(size)
     make = capsule_mesh if kind == mujoco.mjtGeom.mjGEOM_CAPSULE else cylinder_mesh
     return make(float(size[0]), float(size[1]))
 
 
-def _links(model: Any) -> tuple[Link, ...]:
-    """Return the links of the robot in a compiled scene."""
-    links = []
-    for k in range(1, model.nbody):
-        body = model.body(k)
-        hinge = next(
-            (
-                model.joint(j).name
-                for j in range(model.njnt)
-                if model.jnt_bodyid[j] == k and model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE
-            ),
-            None,
-        )
-        joint = None
-        if hinge is not None:
-            limb, number = hinge.split("/")
-            joint = int(limb.removeprefix("limb")), int(number.removeprefix("joint")) - 1
-        parent = model.body(int(body.parentid[0])).name
-        links.append(Link(body.name, parent, body.pos.copy(), body.quat.copy(), joint))
-    return tuple(links)
-
-
-def _rods(model: Any, links: Sequence[Link]) -> Iterator[tuple[str, Mesh]]:
+def _rods(model: mujoco.MjModel) -> Iterator[tuple[str, Mesh]]:
     """Yield rods, each with its link, that connect the joints of a link to its nearest capsule."""
-    axes: dict[str, list[Array]] = defaultdict(list)
-    for k in range(model.ngeom):
-        if model.geom_type[k] == mujoco.mjtGeom.mjGEOM_CAPSULE:
-            geom = model.geom(k)
-            axes[model.body(int(geom.bodyid[0])).name].append(_axis_samples(geom))
-    for link in links:
-        if link.name not in axes:
+    hinges = model.jnt_bodyid[model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE]
+    for link in range(1, model.nbody):
+        geoms = np.flatnonzero(
+            (model.geom_bodyid == link) & (model.geom_type == mujoco.mjtGeom.mjGEOM_CAPSULE)
+        )
+        if not len(geoms):
             continue
-        nearby = np.concatenate(axes[link.name])
-        first = [np.zeros(3)] if link.joint else []
-        ends = [other.position for other in links if other.parent == link.name and other.joint]
-        for position in (*first, *ends):
+        nearby = np.concatenate([_axis_samples(model.geom(int(k))) for k in geoms])
+        joints = [np.zeros(3)] if link in hinges else []
+        joints += [model.body_pos[k] for k in hinges if model.body_parentid[k] == link]
+        for position in joints:
             nearest = nearby[np.argmin(np.linalg.norm(nearby - position, axis=1))]
-            yield link.name, rod_mesh(position, nearest, ROD_RADIUS)
+            yield model.body(link).name, rod_mesh(position, nearest, ROD_RADIUS)
 
 
 def _axis_samples(geom: Any) -> Array:

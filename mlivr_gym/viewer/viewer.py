@@ -18,12 +18,12 @@ from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
 from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torques, with_cursor
+from mlivr_gym.viewer.drawing import OVERLAID, SECOND_OFFSET, SEPARATE
 from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.panel_texts import comparison_table, legend_text, summary
 from mlivr_gym.viewer.policy_view import PolicyView
-from mlivr_gym.viewer.second_plan import OVERLAID, SECOND_OFFSET, SEPARATE, SecondPlan
 from mlivr_gym.viewer.solids import scene_solids
 
 TICK = 0.05
@@ -59,10 +59,10 @@ class Viewer:
     ) -> None:
         """Draw module and robot; `refresh` draws the plan, or its execution if recorded."""
         self.page, self.live, self.recording = page, live, recording
-        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, (), capsules)
+        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, capsules)
         self.time, self.playing, self.speed = 0.0, False, 1.0
         self.click, self.colouring, self.walls_hidden = EXPLAIN, PLAIN, True
-        self.second: SecondPlan | None = None
+        self.second: tuple[Plan, Frames] | None = None
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
         self._policy: PolicyView | None = None
@@ -71,13 +71,11 @@ class Viewer:
         self._ticks = self._boxes = 0
         self._hidden = frozenset({"tree"})
         self._separate = False
-        drawing.add_lights(page)
-        drawing.draw_module(page, "module", self.scene)
-        drawing.draw_points(page, live.graph.grasp_map)
-        drawing.draw_robot(page, "robot", self.scene)
-        goal = np.array(live.query.goal)
-        self._positions = drawing.visible_positions(live.graph.grasp_map, goal, live.plan)
-        self.hide_walls_from(drawing.aim_camera(page, self._positions, ASPECT))
+        grasp_map, goal = live.graph.grasp_map, np.array(live.query.goal)
+        self._positions = drawing.visible_positions(grasp_map, goal, live.plan)
+        self.hide_walls_from(
+            drawing.draw_stage(page, grasp_map, self.scene, self._positions, ASPECT)
+        )
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -99,7 +97,7 @@ class Viewer:
     @property
     def duration(self) -> float:
         """Duration of the frames, of both plans if there are two [s]."""
-        second = 0.0 if self.second is None else self.second.frames.duration
+        second = 0.0 if self.second is None else self.second[1].duration
         return max(self.frames.duration, second)
 
     # Changes of the query.
@@ -135,14 +133,12 @@ class Viewer:
         live, page, graph = self.live, self.page, self.live.graph
         with self._lock, page.server.atomic():
             self.frames = self._frames()
-            drawing.draw_plan(page, "plan", graph.grasp_map, live.plan)
+            goal = np.array(live.query.goal)
+            drawing.draw_query(page, graph, live.plan, goal, live.query.goal_tolerance)
             drawing.draw_pale_path(page, "ghost", live.previous)
-            drawing.draw_goal(page, np.array(live.query.goal), live.query.goal_tolerance)
             if AIM in page:
-                page.nodes[AIM].position = np.array(live.query.goal)
+                page.nodes[AIM].position = goal
             drawing.draw_tree(page, live.tree)
-            drawing.draw_obstacles(page, graph.obstacles)
-            drawing.draw_occupied(page, graph.grasp_map, graph.occupied)
             for name in self._hidden:
                 page.show(name, False)
             self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
@@ -150,7 +146,7 @@ class Viewer:
             self._show_plots()
             text = summary(live)
             if self.second is not None:
-                text += comparison_table(live.plan, self.second.plan)
+                text += comparison_table(live.plan, self.second[0])
             page.write("summary", text)
             page.items["time"].max = max(self.duration, 0.1)
             self.seek(0.0)
@@ -180,8 +176,7 @@ class Viewer:
             self.time = min(max(time, 0.0), self.duration)
             k = self.frames.at(self.time)
             drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
-            if self.second is not None:
-                self.second.seek(self.time)
+            self._pose_second()
             plan = self.live.plan
             self.page.write("where", self.frames.describe(k, plan) if plan else "the start")
             self.page.items["time"].value = round(self.time, 2)
@@ -190,6 +185,13 @@ class Viewer:
                     times, values = with_cursor(plot, self.time)
                     self.page.items[name].data = (times, *values)
             self._mark()
+
+    def _pose_second(self) -> None:
+        """Show the robot of the second plan, if there is one, at the present time."""
+        if self.second is not None:
+            frames = self.second[1]
+            here = frames.configuration(frames.at(self.time))
+            drawing.pose_robot(self.page, "second/robot", self.scene, here)
 
     def scrub(self, time: float) -> None:
         """Show a time [s] chosen on the page, and stop playing."""
@@ -356,17 +358,17 @@ class Viewer:
     def compare(self, plan: Plan, frames: Frames) -> None:
         """Show a second plan in the same module; both are played at the same time."""
         with self._lock:
-            self.second = SecondPlan(self.page, self.scene, plan, frames)
+            self.second = plan, frames
             self.place_second(OVERLAID)
 
     def place_second(self, where: str) -> None:
         """Show the second plan in the same module, in a second one below, or not at all."""
         if self.second is None:
             return
-        grasp_map = self.live.graph.grasp_map
         with self._lock, self.page.server.atomic():
-            self.second.place(where, grasp_map)
-            self.second.seek(self.time)
+            graph = self.live.graph
+            drawing.draw_second(self.page, where, graph.grasp_map, self.scene, self.second[0])
+            self._pose_second()
             if (where == SEPARATE) != self._separate:
                 self._separate = where == SEPARATE
                 positions, elevation = self._positions, drawing.ELEVATION

@@ -25,16 +25,16 @@ def test_render_says_once_that_there_is_no_gl(run, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
 
 
-def test_ghosts_stand_in_the_stances_that_follow(plan_file):
+def test_ghosts_stand_in_the_stances_that_follow(plan_file, jem):
     plan = Plan.load(plan_file)
     last = len(plan.stances) - 1
     assert last > 1
-    for k, shot in enumerate(shots_of(plan, range(last + 1))):
+    for k, shot in enumerate(shots_of(jem, plan, range(last + 1))):
         bases = [shot.configuration, *shot.ghosts]
         np.testing.assert_array_equal(
             [base for base, *_ in bases], [plan.configuration(n)[0] for n in range(k, last + 1)]
         )
-        assert (f"pale: stances {k + 1} to {last}" in shot.caption) == (k < last)
+        assert (f"pale: stances {k + 1} to {last}" in shot.captions[0]) == (k < last)
 
 
 def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):

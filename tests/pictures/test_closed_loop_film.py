@@ -14,6 +14,7 @@ from mlivr_gym.closed_loop.loop import run_closed_loop
 from mlivr_gym.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.errors import MlivrError, RenderError
 from mlivr_gym.pictures import closed_loop_film as filming
+from mlivr_gym.pictures import film, rendering
 from mlivr_gym.pictures.closed_loop_film import Moment, closed_loop_film
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
@@ -58,10 +59,10 @@ def drawn(graph, record, tmp_path_factory):
     kept, told, scene_of = [], [], compile_spec(scene_spec(graph.grasp_map, graph.robot))
 
     class Painter:
-        def __init__(self, grasp_map, robot, width, height, obstacles):
+        def __init__(self, grasp_map, robot, width, height, obstacles, capsules):
             self.shape = height, width, 3
 
-        def render(self, *_, camera, route, draw):
+        def render(self, *_, route, draw, **others):
             scene = mujoco.MjvScene(scene_of, 5000)
             draw(scene)
             kept.append((scene, list(scene.geoms[: scene.ngeom]), route))
@@ -71,8 +72,8 @@ def drawn(graph, record, tmp_path_factory):
             pass
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(filming, "SceneRenderer", Painter)
-        patch.setattr(filming, "with_caption", lambda one, text, _: told.append(text) or one)
+        patch.setattr(film, "SceneRenderer", Painter)
+        patch.setattr(rendering, "with_caption", lambda one, text, _: told.append(text) or one)
         path = tmp_path_factory.mktemp("film") / "walk.gif"
         closed_loop_film(graph, record, path, unknown=[BAG], crew=[CREW], size=SIZE, speed=SPEED)
     times = [*np.arange(0.0, record.duration, SPEED / 25.0), record.duration]

@@ -1,15 +1,17 @@
 """The robot that figures draw is the one of the scene, and hangs together."""
 
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 
 from mlivr_gym.pictures.robot_shapes import (
     JOINT_RADIUS,
-    capsule_faces,
+    Part,
+    capsule_corners,
     outline,
     robot_parts,
+    shaded_faces,
 )
 from mlivr_gym.robot.specification import robot_spec
 
@@ -33,10 +35,10 @@ def axis_distances(places, ends):
 
 
 @pytest.mark.parametrize("length", [0.0, 0.3])
-def test_the_faces_of_a_capsule_lie_on_it_all_round(length):
+def test_the_corners_of_a_capsule_lie_on_it_all_round(length):
     ends = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]])
     ends[1] += length * np.array([2.0, -1.0, 2.0]) / 3.0
-    places = capsule_faces(ends, 0.05, 40).reshape(-1, 3)
+    places = capsule_corners(ends, 0.05, 40)
     np.testing.assert_allclose(axis_distances(places, ends), 0.05, atol=1e-12)
     along = np.array([2.0, -1.0, 2.0]) / 3.0
     assert np.ptp(places @ along) == pytest.approx(length + 0.1, abs=1e-3)
@@ -44,15 +46,26 @@ def test_the_faces_of_a_capsule_lie_on_it_all_round(length):
 
 def test_the_outline_of_a_capsule_has_its_area():
     ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.4, 0.0]])
-    edge = outline(capsule_faces(ends, 0.06, 96), np.eye(3)[[0, 1]])
+    edge = outline(capsule_corners(ends, 0.06, 96), np.eye(3)[[0, 1]])
     x, y = edge.T
     area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
     assert area == pytest.approx(np.pi * 0.06**2 + 0.12 * 0.4, rel=2e-3)
 
 
+def test_faces_are_brighter_towards_the_lamp():
+    """The triangles close the shape: their area is that of a box, and those in the light shine."""
+    signs = np.array(list(product((-1.0, 1.0), repeat=3)))
+    faces, colours = shaded_faces(Part("body", "#808080", signs * (0.5, 1.0, 1.5)))
+    across = 0.5 * np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    assert np.linalg.norm(across, axis=1).sum() == pytest.approx(2.0 * (2.0 + 3.0 + 6.0))
+    above = (faces[..., 2] > 0.0).all(axis=1)
+    below = (faces[..., 2] < 0.0).all(axis=1)
+    assert colours[above].min() > colours[below].max()
+
+
 @pytest.mark.parametrize("name", ["mlivr2", "mlivr3"])
 def test_parts_are_where_mujoco_has_the_shapes_and_rods_join_them(ladder, name):
-    """Faces lie on the capsules of MuJoCo; a rod comes as near to the axes of both its links."""
+    """Corners lie on the capsules of MuJoCo; a rod comes as near to the axes of both its links."""
     import mujoco
 
     from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
@@ -62,7 +75,7 @@ def test_parts_are_where_mujoco_has_the_shapes_and_rods_join_them(ladder, name):
     data = mujoco.MjData(model)
     for configuration in configurations(robot.limbs):
         set_configuration(model, data, *configuration)
-        parts = {p.name: p.faces.reshape(-1, 3) for p in robot_parts(robot, configuration)}
+        parts = {p.name: p.corners for p in robot_parts(robot, configuration)}
         named = {model.geom(k).name for k in range(model.ngeom)}
         shapes = {n for n in named if n == "body" or n.startswith("limb")}
         assert shapes == {n for n in parts if "/joint/" not in n}

@@ -5,8 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from mlivr_gym.files import FileError
-from mlivr_gym.pictures.figures import box_faces, figure_files, save_figure, save_image
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.pictures.figures import figure_files, save_figure, save_image
 
 
 def drawn():
@@ -59,12 +58,3 @@ def test_a_name_that_promises_another_format_is_refused(tmp_path, name):
 def test_a_figure_that_stands_for_a_rendered_picture_is_one_file(tmp_path):
     save_figure(drawn(), tmp_path / "scene.png", vector=False)
     assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]
-
-
-def test_faces_of_a_box_are_its_six_rectangles():
-    box = Box.between("b", "obstacle", (0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
-    faces = box_faces(box)
-    edges = np.linalg.norm(faces - np.roll(faces, -1, axis=1), axis=2)
-    areas = sorted((edges[:, 0] * edges[:, 1]).round(9).tolist())
-    assert areas == [2.0, 2.0, 3.0, 3.0, 6.0, 6.0]
-    np.testing.assert_allclose(sorted(faces.mean(axis=1).sum(axis=1)), [1.5, 2, 2.5, 3.5, 4, 4.5])

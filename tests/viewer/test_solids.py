@@ -7,29 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
-from mlivr_gym.world.boxes import Box
 
 pytest.importorskip("trimesh", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer.solids import scene_solids
 
 
-def link_poses(scene, configuration):
-    """Place and rotation of each link in the world, from link to link."""
-    position, quaternion, joints = configuration
-    poses = {"world": (np.zeros(3), np.eye(3))}
-    for link in scene.links:
-        place, turn = poses[link.parent]
-        at, quat = link.position, link.orientation(joints)
-        if link.parent == "world":
-            at, quat = position, quaternion
-        rotation = Rotation.from_quat(quat, scalar_first=True).as_matrix()
-        poses[link.name] = place + turn @ at, turn @ rotation
-    return poses
-
-
 @pytest.mark.parametrize("name", ["mlivr2", "mlivr4"])
-def test_links_are_where_mujoco_has_them(jem, name):
+def test_links_are_where_the_whole_scene_has_them(jem, name):
     robot, rng = robot_spec(name), np.random.default_rng(0)
     scene, model = scene_solids(jem, robot), compile_spec(scene_spec(jem, robot))
     data = mujoco.MjData(model)
@@ -38,30 +23,29 @@ def test_links_are_where_mujoco_has_them(jem, name):
         quaternion /= np.linalg.norm(quaternion)
         shown = rng.normal(size=3), quaternion, rng.uniform(-3, 3, (robot.limbs, 6))
         set_configuration(model, data, *shown)
-        poses = link_poses(scene, shown)
-        assert len(poses) == model.nbody
-        for k in range(model.nbody):
+        poses = scene.link_poses(shown)
+        assert len(poses) == model.nbody - 1
+        for k in range(1, model.nbody):
             place, turn = poses[model.body(k).name]
             np.testing.assert_allclose(place, data.xpos[k], atol=1e-9)
-            np.testing.assert_allclose(turn.ravel(), data.xmat[k], atol=1e-9)
+            rotation = Rotation.from_quat(turn, scalar_first=True).as_matrix()
+            np.testing.assert_allclose(rotation.ravel(), data.xmat[k], atol=1e-9)
 
 
 def test_every_geom_is_drawn_in_its_colour_and_size(jem):
     """Bounds of all shapes of a link and colour are those of MuJoCo's geoms."""
-    obstacle = Box.between("cargo", "obstacle", (3.0, -0.5, -0.5), (3.4, 0.5, 0.0))
     robot = robot_spec("mlivr2")
-    scene = scene_solids(jem, robot, [obstacle], capsules=True)
-    model = compile_spec(scene_spec(jem, robot, [obstacle]))
+    scene = scene_solids(jem, robot, capsules=True)
+    model = compile_spec(scene_spec(jem, robot))
     solids = (*scene.robot, *scene.surroundings)
-    found = {(s.link, s.colour) for s in solids}
+    rounded = {(s.link, tuple(np.float32(s.colour).tolist())): [] for s in solids}
+    for s in solids:
+        rounded[s.link, tuple(np.float32(s.colour).tolist())].append(s.mesh.vertices)
     for k in range(model.ngeom):
         geom = model.geom(k)
         link = model.body(int(geom.bodyid[0])).name
         colour = tuple(float(part) for part in geom.rgba)
-        assert (link, colour) in found
-        corners = np.concatenate(
-            [s.mesh.vertices for s in solids if (s.link, s.colour) == (link, colour)]
-        )
+        corners = np.concatenate(rounded[link, colour])
         turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
         if geom.type[0] == mujoco.mjtGeom.mjGEOM_BOX:
             reach = np.abs(turn) @ geom.size

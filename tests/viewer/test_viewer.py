@@ -11,7 +11,7 @@ from mlivr_gym.planners import Planner
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import drawing, second_plan
+from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer import viewer as viewers
 from mlivr_gym.viewer.frames import STEP_TIME, stance_frames
 from mlivr_gym.viewer.panel import add_panel
@@ -217,9 +217,9 @@ def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
     np.testing.assert_allclose(
         node(viewer, "second/robot/base").position, other.motion.base_positions[-1], atol=1e-9
     )
-    viewer.place_second(second_plan.SEPARATE)
-    np.testing.assert_array_equal(node(viewer, "second").position, second_plan.SECOND_OFFSET)
+    viewer.place_second(drawing.SEPARATE)
+    np.testing.assert_array_equal(node(viewer, "second").position, drawing.SECOND_OFFSET)
     assert "second/module" in viewer.page
-    viewer.place_second(second_plan.HIDDEN)
+    viewer.place_second(drawing.HIDDEN)
     assert "second" not in viewer.page
     viewer.seek(0.0)
