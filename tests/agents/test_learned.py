@@ -143,22 +143,15 @@ def test_a_checkpoint_made_for_something_else_is_refused(tmp_path, env, small_ma
         load_policy(kept(tmp_path, env, observation=seen), env)
 
 
-def test_a_checkpoint_with_another_checksum_or_none_is_refused(tmp_path, env, policy):
-    path = kept(tmp_path, env)
-    weights = path.with_suffix(".pt").read_bytes()
-    kept(tmp_path, env, policy=policy)
-    path.with_suffix(".pt").write_bytes(weights)
-    with pytest.raises(CheckpointError, match=r"its checksum is '[0-9a-f]{64}', and that of"):
-        load_policy(path, env)
-    config = json.loads(path.with_suffix(".json").read_text())
-    del config["checksum"]
-    path.with_suffix(".json").write_text(json.dumps(config))
-    with pytest.raises(CheckpointError, match="its checksum is None, and that of"):
-        load_policy(path, env)
-    del config["format"]
-    path.with_suffix(".json").write_text(json.dumps(config))
-    with pytest.raises(CheckpointError, match=r"has format 1, .* format 2, .*: train it again$"):
-        load_policy(path, env)
+def test_a_checkpoint_of_an_earlier_format_is_refused(tmp_path, env):
+    path = kept(tmp_path, env).with_suffix(".json")
+    config = json.loads(path.read_text())
+    for name, told in (("checksum", "its checksum is None, and that of"),
+                       ("format", "has format 1, .* format 2, .*: train it again$")):  # fmt: skip
+        del config[name]
+        path.write_text(json.dumps(config))
+        with pytest.raises(CheckpointError, match=told):
+            load_policy(tmp_path / "p", env)
 
 
 def test_a_policy_that_was_loaded_can_be_saved_and_loaded_again(tmp_path, env):

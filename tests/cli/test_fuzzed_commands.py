@@ -203,17 +203,6 @@ def test_whatever_is_in_the_files_ends_as_documented(
             check([command, "--map", "map.json", *extra], folder)
 
 
-@given(st.data())
-@few(0.03)
-def test_whatever_is_in_a_plan_ends_as_documented(quick, originals, ladder_plan, data):
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "map.json").write_text(json.dumps(LADDER))
-        (folder / "plan.json").write_text(json.dumps(data.draw(mutated(ladder_plan))))
-        command = data.draw(st.sampled_from(["render", "simulate"]))
-        check([command, "--map", "map.json", "--plan", "plan.json", "--out", "new"], folder)
-
-
 @pytest.mark.parametrize(
     ("given", "code"),
     [

@@ -136,35 +136,27 @@ def test_it_is_used_only_by_the_versions_that_it_is_for(why):
         assert ready_made._read(name_in(path)) is None
 
 
-def test_it_is_used_only_by_processors_that_can_do_as_much(why):
+def test_it_is_used_only_by_processors_that_can_do_as_much(why, monkeypatch):
+    """Nor by who asks for the machine code of another one."""
     told, path = why
+    for name in ("CPU_NAME", "CPU_FEATURES"):
+        with monkeypatch.context() as patch:
+            patch.setattr(config, name, "")
+            assert "requests machine code for another processor" in told()
+            assert ready_made._read(name_in(path)) is None
     altered(path, features=["nothing-has-this"])
     assert told() == "this processor lacks nothing-has-this"
     assert ready_made._read(name_in(path)) is None
 
 
-@pytest.mark.parametrize("name", ["CPU_NAME", "CPU_FEATURES"])
-def test_who_asks_for_another_processor_is_given_its_machine_code(why, monkeypatch, name):
-    told, path = why
-    monkeypatch.setattr(config, name, "")
-    assert (
-        told() == "NUMBA_CPU_NAME or NUMBA_CPU_FEATURES requests machine code for another processor"
-    )
-    assert ready_made._read(name_in(path)) is None
-
-
-def test_there_may_be_none(why):
-    told, path = why
-    path.unlink()
-    assert told() == f"the package has none for {ready_made.machine()['Python']}"
-
-
-def test_an_archive_that_was_cut_off_is_said_to_be(why, caplog):
+def test_there_may_be_none_and_one_that_was_cut_off_is_said_to_be(why, caplog):
     told, path = why
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     assert "cannot be read" in told()
     assert str(path) in caplog.text
+    path.unlink()
+    assert told() == f"the package has none for {ready_made.machine()['Python']}"
 
 
 def test_no_altered_byte_gives_other_machine_code(packed, tmp_path, monkeypatch):

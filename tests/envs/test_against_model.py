@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from env_model import EnvModel, Rules
+from env_model import EnvModel, Rules, Toll
 from gymnasium.wrappers import TimeLimit
 from hypothesis import Phase, settings
 from hypothesis import strategies as st
@@ -27,7 +27,7 @@ BOXES = [
 WORLDS = [
     (Rules("base", 3.0, True, 0.9, 0.3, 5), "NextStep", 0.4),
     (Rules("steps", 0.0, False, 0.99, 0.6, 4), "NextStep", 0.0),
-    (Rules("base", -1.0, False, 0.99, 0.25, 6), "Disabled", 0.45),
+    (Rules(Toll(), -1.0, True, 0.99, 0.25, 6), "Disabled", 0.45),
 ]
 """Rules, what becomes of copies whose episode has ended, and the mean of `grasp_failure`."""
 

@@ -98,17 +98,10 @@ def test_faulty_options_are_named_and_change_nothing(small_map):
     for error, words, options in (
         (SettingError, "options.start has 1 entries; it must have 2", {"start": good[:1]}),
         (SettingError, "options.goal has 3 entries; it must have 2", {"goal": goal[0]}),
-        (SettingError, "options.goal is 3", {"goal": 3}),
-        (StanceError, r"options.start\[0\] is 3; it must be a list", {"start": [3, 4]}),
         (UnknownPointError, "'Z'", {"start": [good[0], ["Z", good[1][0]]]}),
         (StanceError, "m apart", {"start": [good[0], far]}),
         (GoalError, "outside the cabin", {"start": good, "goal": [goal[0], [60, 0, 0]]}),
-        (
-            SettingError,
-            "reset_mask has 1 entries",
-            {"reset_mask": np.array([True])},
-        ),
-        (SettingError, r"reset_mask\[0\] is 0; it must be true or false", {"reset_mask": [0, 1]}),
+        (SettingError, "reset_mask has 1 entries", {"reset_mask": np.array([True])}),
     ):
         with pytest.raises(error, match=words):
             copies.reset(options=options)

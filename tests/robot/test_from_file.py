@@ -4,15 +4,12 @@ import json
 import re
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
-from robot_texts import IIWA14, UR10E, one_arm, whole_robot, written
+from robot_texts import UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.from_file import read_robot
-from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 
 def place(position, axis, after_move=(0.3, 0.4, 0.5)):
@@ -41,7 +38,7 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     places = [place([0.15, 0.0, 0.01], [1, 0.2, 0.1]), place([-0.15, 0.02, 0.0], [-1, 0, 0.3])]
     small = tuple(0.7 * length for length in UR10E)
     path = written(tmp_path, whole_robot(places, [UR10E, small]))
-    file, robot = read_robot(path), RobotSpec.from_urdf(path)
+    robot = RobotSpec.from_urdf(path)
     assert robot.limbs == 2
     assert not robot.is_symmetric
     np.testing.assert_allclose(robot.body_edges, [0.3, 0.2, 0.1], atol=1e-9)
@@ -52,21 +49,6 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     np.testing.assert_allclose(
         robot.mount_rotations[:, :, 2], [p[:3, 2] for p in places], atol=1e-9
     )
-    # Where MuJoCo has the flanges of the file, ours are too.
-    spec = mujoco.MjSpec.from_file(path)
-    spec.compiler.fusestatic = False
-    theirs, ours = spec.compile(), compile_spec(robot_alone(robot))
-    angles = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 6))
-    there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
-    for k, name in enumerate(n for names in file.joint_names for n in names):
-        there.joint(name).qpos = angles.ravel()[k]
-    here.qpos[:7], here.qpos[7:] = [0, 0, 0, 1, 0, 0, 0], file.from_file_angles(angles).ravel()
-    mujoco.mj_kinematics(theirs, there)
-    mujoco.mj_kinematics(ours, here)
-    for k in range(2):
-        np.testing.assert_allclose(
-            here.site(f"limb{k}/flange").xpos, there.body(f"arm{k}_tool0").xpos, atol=1e-8
-        )
     assert RobotSpec.from_urdf(path, tips=("arm1_tool0", "arm0_tool0")).every_limb[1].a2 < -0.6
 
 
@@ -248,21 +230,6 @@ def test_arguments_are_refused_by_name(tmp_path, options, words):
         RobotSpec.from_urdf(path, **options)
 
 
-def test_arguments_may_be_scalars_of_numpy(tmp_path):
-    path = written(tmp_path, one_arm(frames=IIWA14))
-    plain = read_robot(path, limbs=3, tool_length=0.5, held_angle=0.5, rotor_inertia=0.25)
-    given = read_robot(
-        path,
-        limbs=np.int64(3),
-        tool_length=np.float32(0.5),
-        held_angle=np.float32(0.5),
-        rotor_inertia=np.array(0.25),
-    )
-    assert given.fields == plain.fields
-    assert given.joint_names == plain.joint_names
-    assert given.signs.shape == (3, 6)
-
-
 def test_a_file_is_named_once_and_may_be_a_path(tmp_path):
     path = written(tmp_path, one_arm())
     assert robot_spec(Path(path)) == robot_spec(str(path))
@@ -271,12 +238,6 @@ def test_a_file_is_named_once_and_may_be_a_path(tmp_path):
         with pytest.raises(RobotError) as caught:
             robot_spec(path)
         assert str(caught.value).count("arm.urdf") == 1
-
-
-def test_what_a_file_left_open_is_told_whole_however_long_its_name(tmp_path):
-    text = one_arm().replace('<robot name="arm">', f'<robot name="{"x" * 199}">')
-    source = robot_spec(written(tmp_path, text)).source
-    assert "rotor inertias of 0.1 kg m^2 assumed" in source
 
 
 def test_a_joint_of_an_mjcf_without_a_range_turns_without_end(tmp_path):

@@ -18,6 +18,7 @@ from robot_texts import (
     whole_robot,
     written,
 )
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
@@ -166,14 +167,14 @@ def test_the_joint_that_is_held_is_named_as_in_the_file(tmp_path):
         ([FRANKA, UR10E], ["arm0_joint6", None], [-1.3, None]),
         ([IIWA14, IIWA14], ["arm0_joint1", "arm1_joint1"], [0.3, 0.9]),
         ([IIWA14, IIWA14], ["arm0_joint3", "arm1_joint5"], [0.3, 0.9]),
+        ([UR10E, tuple(0.7 * length for length in UR10E)], [None, None], [None, None]),
     ],
 )
 def test_each_arm_of_a_robot_holds_its_own_joint_or_none(tmp_path, arms, held, angles):
-    """The flange of each is where MuJoCo has that of the file, and arms are mounted evenly."""
+    """The flange of each is where MuJoCo has that of the file; one of the mounts is tilted."""
     places = np.tile(np.eye(4), (2, 1, 1))
-    places[0, :3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
-    places[1, :3, :3] = [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]
-    places[:, 0, 3] = 0.3, -0.3
+    places[:, :3, :3] = Rotation.from_euler("ZY", [[0.0, 90.0], [200.0, 80.0]], True).as_matrix()
+    places[:, :3, 3] = [[0.3, 0.0, 0.0], [-0.3, 0.02, 0.01]]
     path = written(tmp_path, whole_robot(places, arms))
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = False

@@ -1,6 +1,5 @@
 """The robot of two SSRMS-type arms: its published masses, its plans on the truss, and a walk."""
 
-import gymnasium
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -9,7 +8,6 @@ import station_arm
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Settings, robot_spec, stance_graph
-from mlivr_gym.errors import SettingError
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
@@ -115,17 +113,3 @@ def test_it_walks_along_the_truss_in_mujoco(graph, plan):
     assert max(capture.distance for capture in walk.captures) < 0.01
     assert walk.peaks.joint_torque.max() < 0.6 * 2332.0
     assert walk.peaks.joint_speed < np.deg2rad(4.0)
-
-
-@pytest.mark.slow
-def test_the_environment_of_the_truss_walks_in_mujoco():
-    env = gymnasium.make("mlivr_gym:MLIVR-Truss-v0", dynamics="mujoco")
-    _, info = env.reset(seed=1)
-    for _ in range(2):
-        _, _, _, _, info = env.step(int(np.flatnonzero(info["action_mask"])[0]))
-        assert info["failure"] is None
-
-
-def test_an_unknown_name_of_physics_is_refused_in_one_line():
-    with pytest.raises(SettingError, match=r"physics is 'moon'; .*'default', 'station'"):
-        Setup.of(physics="moon")
