@@ -39,8 +39,13 @@ from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
+from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.simulation.controller import ControllerParameters
+from mlivr_gym.simulation.disturbances import DisturbanceRanges
+from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.export import exported_model
+from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.monte_carlo import execute_many
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
@@ -231,6 +236,15 @@ FUNCTIONS = {
     "GraspMap.sparse": lambda of: (of["map"].sparse, {"seed": 0}),
     "GraspMap.check_goal": lambda of: (of["map"].check_goal, {"goal": of["goal"]}),
     "jem_map": lambda of: (jem_map, {"spacing": 0.5}),
+    "RobotSpec.with_failed_joint": lambda of: (
+        robot_spec("mlivr2-iiwa").with_failed_joint,
+        {"limb": 0, "joint": 5, "angle": 0.3},
+    ),
+    "Physics": lambda of: (Physics, {}),
+    "ControllerParameters": lambda of: (ControllerParameters, {}),
+    "DisturbanceRanges": lambda of: (DisturbanceRanges, {}),
+    "Limits": lambda of: (Limits, {}),
+    "Cargo": lambda of: (Cargo, {"mass": 1.0, "size": 0.2}),
     "robot_spec": lambda of: (robot_spec, {"robot": "mlivr2"}),
     "save_csv": saved(save_csv),
     "save_npz": saved(save_npz),

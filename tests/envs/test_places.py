@@ -1,10 +1,8 @@
-"""The environments of places, on the whole of their maps: observations, masks, a simulated walk."""
+"""The environments of other places, on all of their maps: observations, masks, a simulated walk."""
 
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
-from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
 from mlivr_gym.motion.plan_checks import check_motion
 from mlivr_gym.planners import Planner
@@ -28,12 +26,9 @@ def short_plan(env):
     raise AssertionError("none of the first tasks is near")
 
 
-@pytest.mark.parametrize("name", ["JEM", "USLab", "Columbus", "Hatch", "Station", "Truss"])
+@pytest.mark.parametrize("name", ["USLab", "Columbus", "Hatch", "Station", "Truss"])
 def test_a_walk_in_the_place_is_planned_checked_and_carried_out_in_mujoco(name):
     place = gymnasium.make(f"MLIVR-{name}-v0").unwrapped
-    if name == "JEM":
-        check_env(place, skip_render_check=True)
-        check_env_of_sb3(place)
     (plan, mask), graph = short_plan(place), place.graph
     assert graph.grasp_map.name == name.lower()
     check_motion(plan.query, plan.world, plan.motion, graph.grasp_map)

@@ -73,7 +73,7 @@ def postures(robot, grasp_map):
     stances = np.array(list(permutations(range(len(grasp_map)), robot.limbs)))
     apart = graph.compatible[stances[:, :, None], stances[:, None]].sum(axis=(1, 2))
     stances = stances[apart == robot.limbs * (robot.limbs - 1)]
-    return graph.nodes(stances[np.random.default_rng(0).permutation(len(stances))[:400]])
+    return graph.nodes(stances[np.random.default_rng(0).permutation(len(stances))[:200]])
 
 
 def written_and_read(robot, tmp_path, grasp_map):
