@@ -104,6 +104,7 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
 
 @pytest.mark.parametrize(("name", "price"), COSTS)
 def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
+    """Or, inflated or by default, no more than the bound that is told."""
     smaller = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
     graph = stance_graph(smaller, "mlivr3", NO_COLLISIONS)
     planner, rng = Planner(graph), np.random.default_rng(3)
@@ -117,6 +118,13 @@ def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
         ours = planner.plan(start, goal, name, method="algorithm1", **how)
         other = planner.plan(start, goal, name, inflation=1.0, **how)
         assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
+        for inflation in (None, 2.0) if ours else ():
+            plan = planner.plan(
+                start, goal, name, regrasp_price=price, inflation=inflation
+            ).unwrap()
+            bound = plan.statistics.bound or np.inf
+            assert ours.plan.cost - 1e-9 <= plan.cost <= bound * ours.plan.cost + 1e-9
+            assert inflation is None or bound <= inflation
         several += bool(ours) and len(ours.plan.steps) > 1
     assert several > 2
 

@@ -39,6 +39,8 @@ def test_what_is_told_is_true_and_does_not_depend_on_the_clock(graph, cost, monk
             assert best.plan.cost - 1e-9 <= found.plan.cost
             bound = found.plan.statistics.bound or np.inf
             assert found.plan.cost <= bound * best.plan.cost + 1e-9
+            for one in found.improvements:
+                assert one.cost <= one.bound * best.plan.cost + 1e-9
             exact += effort == 10**9 and bound == 1.0
     assert "limit reached" in told
     assert exact

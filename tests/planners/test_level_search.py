@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner, searches
 from mlivr_gym.planners.level_search import LevelSearch
-from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.grasp_map import as_map
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 
@@ -34,38 +30,6 @@ def full(tracks):
     graph = stance_graph(tracks)
     fill_rows(graph)
     return graph
-
-
-@pytest.mark.parametrize("blocked", [False, True])
-def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, lazy, full, blocked):
-    if blocked:
-        full = stance_graph(tracks)
-        for graph in (lazy, full):
-            graph.add_obstacles([BOX])
-            graph.occupy([tracks.ids[4], tracks.ids[20]])
-        fill_rows(full)
-    assert full.is_complete
-    assert not lazy.is_complete
-    rng, lengths, checked = np.random.default_rng(1), [], []
-    for _ in range(25):
-        start = random_state(full, rng)
-        if start.pose is None and rng.integers(2):  # a limb that held keeps some branches only
-            left = full.successors(start)
-            start = left.after(start, int(rng.integers(len(left.limb))))
-        goal = np.clip(full.base_position[rng.integers(len(full))], *tracks.cabin)
-        before = int(lazy.steps.edges["known"].sum())
-        found, truth = (
-            Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05) for graph in (lazy, full)
-        )
-        assert bool(found) == bool(truth), (start, goal)
-        assert found.reason == truth.reason
-        checked.append(int(lazy.steps.edges["known"].sum()) - before)
-        if found:
-            lengths.append(len(found.plan.steps))
-            assert found.plan.cost == truth.plan.cost
-            assert found.plan.statistics.bound == 1.0
-    assert max(lengths) > 3
-    assert sum(checked) < 0.5 * full.steps.edges["known"].sum()
 
 
 def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, monkeypatch):
@@ -93,46 +57,6 @@ def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, 
     assert 3 < len(found) <= 12
     assert edges["known"][(without["known"] == 1) & (without["kept"] == 0)].all()
     assert not (edges["kept"] & ~without["kept"]).any()
-
-
-@pytest.mark.parametrize(
-    ("name", "centre", "radius"),
-    [("hatch", (1.6, 2.2, 0.0), 2.3), ("uslab", (0, 0, 0), 1.8)],
-)
-def test_it_finds_the_fewest_steps_where_they_are_more_than_without_checks(name, centre, radius):
-    """Through hatches between modules, and among tracks at 45 degrees; each query checks anew."""
-    world = as_map(name)
-    away = np.linalg.norm(world.positions - centre, axis=1)
-    keep = (away < radius) & (np.arange(len(world)) % 4 == 0)
-    keep |= (away < radius) & np.array(["handrail" in point for point in world.ids])
-    part = world.subset(keep, f"some of {name}")
-    full = stance_graph(part)
-    fill_rows(full)
-    rng, more = np.random.default_rng(3), 0
-    for _ in range(20):
-        start = full.ids(full.points[rng.integers(len(full))])
-        goal = full.base_position[rng.integers(len(full))]
-        lazy = stance_graph(part)
-        found, truth = (
-            Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05) for graph in (lazy, full)
-        )
-        assert found.reason == truth.reason
-        if found:
-            assert found.plan.cost == truth.plan.cost
-            assert found.plan.statistics.bound == 1.0
-            more += found.plan.cost > _fewest_moves(full, start, goal)
-    assert more > 3
-
-
-def _fewest_moves(graph, start, goal):
-    """The steps of the shortest path over stances if every move were a step (Scipy)."""
-    first, second = graph.points.T
-    n, m = len(graph), len(graph.grasp_map)
-    ends = np.concatenate([first, m + second])
-    both = coo_array((np.ones(2 * n), (np.tile(np.arange(n), 2), ends)), shape=(n, 2 * m))
-    here = graph.find(graph.indices(start))
-    steps = dijkstra(both @ both.T, unweighted=True, indices=here)
-    return steps[np.linalg.norm(graph.base_position - goal, axis=1) <= 0.05].min()
 
 
 def test_a_start_pose_counts_as_a_step(lazy, full):

@@ -63,15 +63,6 @@ def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps
     assert useful
 
 
-def test_a_goal_on_a_face_needs_all_points_there(stances_and_steps):
-    graph, rows, _ = stances_and_steps
-    target = graph.postures(rows[:1]).base_position[0]
-    goal = Goal.from_arguments(graph, np.clip(target, *graph.grasp_map.cabin), "steps", None, 0.2)
-    nowhere = Goal(goal.target, 0.2, goal.cost, "deck", np.zeros(len(graph.grasp_map), np.bool_))
-    assert by_sets(graph, goal).steps(rows[:1])[0] == 0.0
-    assert np.isinf(by_sets(graph, nowhere).steps(rows)).all()
-
-
 def test_a_goal_to_which_no_moves_lead_is_told(stances_and_steps):
     """At once, with no state expanded."""
     graph, rows, _ = stances_and_steps

@@ -74,23 +74,3 @@ def test_points_are_a_change_of_the_map_that_is_given(bridge):
         assert steps(world) is not None
     world = with_candidates(broken, places.subset(np.isin(places.ids, found.parts)))
     assert steps(world) == found.steps
-
-
-def test_a_lower_threshold_is_one_change(jem):
-    few = jem.subset(np.random.default_rng(0).random(len(jem)) < 0.35, "sparse")
-    settings, rng = Settings(limb_threshold=0.15, collisions=False), np.random.default_rng(0)
-    graph = stance_graph(few, settings=settings)
-    planner, changes = Planner(graph), []
-    while not changes:
-        start, there = (graph.points[k].tolist() for k in rng.integers(len(graph), size=2))
-        goal = graph.posture(there).base_position[0]
-        if planner.plan(start, goal, "steps", goal_tolerance=0.05):
-            continue
-        found = smallest_changes(graph, start, goal, goal_tolerance=0.05, limit=50)
-        changes = [change for change in found if change.kind == "limb_threshold"]
-    (change,) = changes
-    value = float(change.parts[0])
-    for threshold in (value, value + 0.002):
-        other = stance_graph(few, settings=Settings(limb_threshold=threshold, collisions=False))
-        plan = Planner(other).plan(start, goal, "steps", goal_tolerance=0.05).plan
-        assert (len(plan.steps) if plan else None) == (change.steps if threshold == value else None)

@@ -7,32 +7,26 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from remembered import StepsAskedOnce
-from scipy import sparse
 from small_tables import COSTS, every_pair, goal_at, searching, small_table
 
-from mlivr_gym import Box, stance_graph
+from mlivr_gym import Box
 from mlivr_gym.errors import StanceError
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.planners import Planner, table_search
+from mlivr_gym.planners import table_search
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lazy_table import LazyNodeTable
 from mlivr_gym.planners.lower_bounds import LowerBounds
-from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
-from mlivr_gym.postures.relabelling import relabelled
-from mlivr_gym.stances import table_files
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import (
     edge_ends,
 )
-from mlivr_gym.stances.node_steps import candidate_steps
-from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
 
 
-@pytest.fixture(scope="module", params=[2, 3, 4])
+@pytest.fixture(scope="module", params=[3, 4])
 def known(request):
     return small_table(request.param)
 
@@ -43,13 +37,11 @@ def optimum(graph, goal, start):
     return found.costs[-1] if found.status == GOAL_REACHED else np.inf
 
 
-def again(first, table):
-    """The graph without what was put in its way; of two limbs, one of which no step is known."""
-    if table.limbs == 2:
-        return stance_graph(first.grasp_map, first.robot)
-    first.remove_obstacles()
-    first.vacate()
-    return first
+def again(graph):
+    """The graph without what was put in its way."""
+    graph.remove_obstacles()
+    graph.vacate()
+    return graph
 
 
 def compare(graph, goal, start, search):
@@ -70,14 +62,22 @@ def compare(graph, goal, start, search):
     return last, search.lower_bound >= min(least - 1e-9, 1e9)
 
 
+@pytest.mark.parametrize("is_unequal", [False, True])
+@pytest.mark.parametrize("limbs", [3, 4])
 @pytest.mark.parametrize("cost", COSTS)
-def test_the_last_walk_is_the_cheapest_of_all(known, cost):
-    """From nodes and from given poses, all points free or not."""
-    first, table = known
-    rng, compared, proved = np.random.default_rng(5), 0, 0
-    for trial in range(12):
-        graph = again(first, table)
-        start = random_state(graph, rng)
+def test_the_last_walk_is_the_cheapest_of_all(limbs, is_unequal, cost):
+    """From nodes and from given poses, all points free or not, to where random steps lead."""
+    first, table = small_table(limbs, is_unequal)
+    graph, rng = again(first), np.random.default_rng(5)
+    compared = proved = longest = 0
+    for trial in range(30):
+        start = end = random_state(graph, rng)
+        for _ in range(4):
+            steps = graph.successors(end)
+            if len(steps.limb):
+                end = steps.after(end, int(rng.integers(len(steps.limb))))
+        row = int(table.find(np.array([end.stance]), graph.robot)[0][0])
+        goal = goal_at(graph, table, row, cost)
         if trial % 4 == 3:
             base = graph.posture_of(start)
             pose = (*base.base_position[0], *quaternion(base.base_rotation[0]))
@@ -85,37 +85,13 @@ def test_the_last_walk_is_the_cheapest_of_all(known, cost):
         if trial % 2:
             free = np.setdiff1d(np.arange(len(graph.grasp_map)), start.stance)
             graph.occupy(rng.choice(free, 2, replace=False).tolist())
-        goal = goal_at(graph, table, int(rng.integers(len(table.points))), cost, 0.08)
-        if goal.reached(graph.posture_of(start).base_position[0], start.stance):
-            continue
-        path, sure = compare(graph, goal, start, searching(LowerBounds(graph), goal, start))
-        compared, proved = compared + (path is not None), proved + sure
-    graph.vacate()
-    assert compared
-    assert proved >= 9
-
-
-@pytest.mark.parametrize("limbs", [3, 4])
-@pytest.mark.parametrize("cost", COSTS)
-def test_the_last_walk_of_limbs_that_differ_is_the_cheapest_of_all(limbs, cost):
-    """To where random steps lead, since a node does not stand for its relabellings."""
-    first, table = small_table(limbs, is_unequal=True)
-    graph, rng = again(first, table), np.random.default_rng(2)
-    compared = proved = longest = 0
-    for _ in range(30):
-        start = state = random_state(graph, rng)
-        for _ in range(4):
-            steps = graph.successors(state)
-            if len(steps.limb):
-                state = steps.after(state, int(rng.integers(len(steps.limb))))
-        row = int(table.find(np.array([state.stance]), graph.robot)[0][0])
-        goal = goal_at(graph, table, row, cost)
         if not goal.reached(graph.posture_of(start).base_position[0], start.stance):
             path, sure = compare(graph, goal, start, searching(LowerBounds(graph), goal, start))
             compared, proved = compared + 1, proved + sure
-            longest = max(longest, len(path.states) - 1)
+            longest = max(longest, len(path.states) - 1 if path else 0)
+        graph.vacate()
     assert compared > 5
-    assert proved > 0.8 * compared
+    assert proved > 0.7 * compared
     assert longest > 1
 
 
@@ -124,7 +100,7 @@ def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known
     """With obstacles that come after the first search, and go again."""
     first, table = known
     rng, compared, dearer = np.random.default_rng(9), 0, 0
-    graph = again(first, table)
+    graph = again(first)
     bounds = LowerBounds(graph)
     for trial in range(6 if table.limbs == 3 else 10):  # of three limbs each takes seconds
         start = random_state(graph, rng)
@@ -155,38 +131,12 @@ def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known
     assert compared
 
 
-def test_obstacles_add_no_step_to_those_of_the_table(known):
-    first, table = known
-    if table.limbs == 2:
-        pytest.skip("steps of two limbs among obstacles begin with those without")
-    graph, rng, steps = again(first, table), np.random.default_rng(3), 0
-    for _ in range(150):
-        row = int(rng.integers(len(table.points)))
-        half = rng.uniform(0.05, 0.15, 3)
-        centre = table.base_position[row] + rng.uniform(-0.5, 0.5, 3)
-        graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
-        try:
-            state = graph.state(table.points[row].tolist())
-        except StanceError:
-            graph.remove_obstacles()
-            continue
-        found = graph.successors(state)
-        moves = candidate_steps(table, row, 0)
-        after = relabelled(table.points[moves.rows].astype(np.int64), moves.relabellings)
-        free = after[np.arange(len(after)), moves.limb]
-        some = set(zip(moves.limb.tolist(), free.tolist(), strict=True))
-        assert some.issuperset(zip(found.limb.tolist(), found.point.tolist(), strict=True))
-        steps += len(found.limb)
-        graph.remove_obstacles()
-    assert steps > 50
-
-
 def cut_off(first, table, rng, count, near, plain_search=optimum):
     """Searches that find no path, with a box near the first (0) or last (1) of two nodes.
 
     Those that prove it are compared with the plain search.
     """
-    graph = again(first, table)
+    graph = again(first)
     for _ in range(count):
         ends = rng.integers(len(table.points), size=2)
         half = rng.uniform(0.05, 0.2, 3)
@@ -205,8 +155,6 @@ def cut_off(first, table, rng, count, near, plain_search=optimum):
 def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
     """By the two rounds alone that look for that."""
     first, table = known
-    if table.limbs == 2:
-        pytest.skip("the one round of two limbs comes to all that can be reached")
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", table_search.OBSTACLE_STAGES[:2])
     bounds = TableSearch._bounds_among_obstacles
     monkeypatch.setattr(
@@ -219,8 +167,6 @@ def test_a_robot_that_is_told_to_be_shut_in_is(known, monkeypatch):
 def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch):
     """By checks of nodes alone: no search expands more than a few labels."""
     first, table = known
-    if table.limbs == 2:
-        pytest.skip("two limbs are searched from either end")
     few = table_search.OBSTACLE_STAGES[0].parameters._replace(max_expansions=1)
     probe = table_search.OBSTACLE_STAGES[0]._replace(parameters=few)
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
@@ -234,8 +180,6 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
 def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     """By a clock that each of them moves on by nine seconds; the test above knows the proofs."""
     first, table = known
-    if table.limbs == 2:
-        pytest.skip("two limbs are searched from either end")
     taken, check, clock = [0.0], LazyNodeTable.check_nodes, time.perf_counter
 
     def slow(lazy_table, rows):
@@ -260,9 +204,7 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
 def test_bounds_rest_on_what_steps_may_keep_at_most(known):
     """Not on what was found for all branches, which may be less than some of them keep."""
     first, table = known
-    if table.limbs == 2:
-        pytest.skip("what an edge of two limbs keeps does not depend on the label")
-    graph, rng, found = again(first, table), np.random.default_rng(8), 0
+    graph, rng, found = again(first), np.random.default_rng(8), 0
     edges = every_pair(table)[:, 4]
     for _ in range(8):
         start = random_state(graph, rng)
@@ -286,7 +228,7 @@ def test_bounds_rest_on_what_steps_may_keep_at_most(known):
 def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
     """Without and among obstacles: plans exist or not, and cost what the plain search says."""
     first, table = known
-    graph, rng, ends = again(first, table), np.random.default_rng(21), set()
+    graph, rng, ends = again(first), np.random.default_rng(21), set()
     bounds = LowerBounds(graph)
     optimal = {"inflation": 1.0}, {"method": "dijkstra"}
     other = {"method": "greedy"}, {"heuristic": "paper"}, {"heuristic": "zero", "inflation": 1.5}
@@ -319,50 +261,3 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
         graph.remove_obstacles()
         graph.vacate()
     assert any(ends)
-
-
-def test_planners_improve_plans_over_the_table_and_know_where_there_is_none(known, monkeypatch):
-    first, table = known
-    if table.limbs == 2:
-        pytest.skip("its graph needs no table that was built before")
-    monkeypatch.setitem(table_files._memory, NODE_TABLES.name(first), (None, table))
-    monkeypatch.setattr(
-        ImplicitGraph, "successors", None
-    )  # no search from state to state is needed
-    rng, ends, bounds = np.random.default_rng(2), set(), []
-    for _ in range(12):
-        graph = stance_graph(first.grasp_map, first.robot)
-        row, start = rng.integers(len(table.points)), rng.integers(len(table.points))
-        stance = tuple(table.points[start].tolist())
-        found = Planner(graph).plan(
-            graph.state(stance), np.clip(table.base_position[row], *graph.grasp_map.cabin),
-            "steps", goal_tolerance=0.08, time_limit=60.0,
-        )  # fmt: skip
-        ends.add(found.reason)
-        if found.plan is not None:
-            bounds.append(found.plan.statistics.bound)
-        elif found.reason == "search exhausted" and found.generated > 1:
-            assert "no path from" in found.message
-    assert ends == {"", "search exhausted"}
-    assert max(bounds) < 1.0 + 1e-6
-
-
-def test_a_wall_across_the_module_is_found_to_cut_off_the_goal(jem):
-    """By a search that is short, though thousands of stances can be reached."""
-    graph, goal = stance_graph(jem), (4.2, 0.0, 0.42)
-    planner = Planner(graph)
-    graph.add_obstacles([Box.between("wall", "obstacle", (3.4, -2.0, -2.0), (3.5, 2.0, 2.0))])
-    found = planner.plan(("D2a:4", "D2b:4"), goal, "steps")
-    graph.node_postures(np.arange(len(graph.points)))
-    held = (graph.steps.branch_sets != 0).all(axis=1)
-    first, second = graph.points[held].T
-    both = sparse.coo_array((np.ones(len(first)), (first, second)), shape=(len(jem), len(jem)))
-    stances = sparse.block_array([[None, both], [both.T, None]])
-    _, part = sparse.csgraph.connected_components(stances)
-    near = np.linalg.norm(graph.base_position[held] - goal, axis=1) <= 0.2
-    reached = part[first] == part[jem.index("D2a:4")]
-    assert found.plan is None
-    assert found.reason == SEARCH_EXHAUSTED
-    assert near.any()
-    assert not (reached & near).any()
-    assert found.expanded < 5000 < reached.sum()

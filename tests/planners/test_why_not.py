@@ -11,6 +11,7 @@ from mlivr_gym import Box, Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.smallest_change import smallest_changes
 from mlivr_gym.planners.why_not import (
     JOINTS,
     OBSTACLES,
@@ -66,31 +67,6 @@ def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sp
         assert RULES[cause.rules[0]][1] in cause.message
 
 
-def test_a_wall_of_obstacles_is_named(small_checked_graph):
-    graph, planner = small_checked_graph, Planner(small_checked_graph)
-    low, high = graph.base_position.min(axis=0), graph.base_position.max(axis=0)
-    first, last = (
-        int(np.argmin(graph.base_position[:, 0])),
-        int(np.argmax(graph.base_position[:, 0])),
-    )
-    start, goal = (
-        graph.points[first].tolist(),
-        np.clip(graph.base_position[last], *graph.grasp_map.cabin),
-    )
-    assert planner.plan(start, goal, "steps", goal_tolerance=0.3)
-    middle = 0.5 * (low[0] + high[0])
-    wall = Box.between("wall", "obstacle", (middle, -3.0, -3.0), (middle + 0.1, 3.0, 3.0))
-    graph.add_obstacles([wall])
-    try:
-        result = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.3)
-        assert not result
-        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
-    finally:
-        graph.remove_obstacles()
-    assert cause.rules == (OBSTACLES,)
-    assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
-
-
 def test_joint_limits_are_named_where_they_alone_cut_the_goal_off(sparse_graph):
     """Joint 1 of this robot comes to the end of its window in the midst of its work."""
     whole = robot_spec("mlivr2")
@@ -127,22 +103,12 @@ def test_the_command_tells_the_cause(capsys):
     assert "the nearest is" in capsys.readouterr().err
 
 
-@given(st.lists(st.sets(st.integers(0, 11)), min_size=1))
-def test_no_entry_of_a_smallest_subset_can_be_spared(enough):
-    """Some entries suffice if they contain one of several sets."""
-
-    def suffices(some):
-        return any(one <= set(some) for one in enough)
-
-    found = smallest_subset([*range(12)], suffices)
-    assert suffices(found)
-    assert not any(suffices([one for one in found if one != spared]) for spared in found)
-    assert sorted(found) == found
-
-
 @given(st.lists(st.sets(st.integers(0, 8), min_size=1), min_size=1, max_size=6))
 def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
-    """Against all subsets; for some of them the subset of which none can be spared is larger."""
+    """Some entries suffice if they contain one of several sets.
+
+    A subset of which none can be spared is found at once; it may be larger.
+    """
 
     def suffices(some):
         return any(one <= set(some) for one in enough)
@@ -152,9 +118,13 @@ def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
     assert suffices(found)
     assert is_proved
     assert len(found) == min(map(len, enough))
+    small = smallest_subset(entries, suffices)
+    assert sorted(small) == small
     few, is_proved = minimum_subset(entries, suffices, most=0)
-    assert suffices(few)
-    assert is_proved == (not smallest_subset(entries, suffices))
+    assert is_proved == (not small)
+    for some in (small, few):
+        assert suffices(some)
+        assert not any(suffices([one for one in some if one != spared]) for spared in some)
 
 
 def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
@@ -176,6 +146,8 @@ def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_
     graph.occupy([unused])
     try:
         cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
+        assert cause.rules == (OBSTACLES,)
+        assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
         assert set(cause.removed) == {"wall0", "wall1"}
         assert "a plan exists without wall0, wall1, and not if any more" in cause.message
         for kept in ([], *([wall] for wall in walls)):
@@ -198,10 +170,14 @@ def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_n
         if cause.limb_threshold is not None:
             break
     assert cause.rules == (THRESHOLDS,)
+    changes = smallest_changes(graph, start, goal, goal_tolerance=0.05, limit=50)
+    (change,) = (change for change in changes if change.kind == "limb_threshold")
+    assert float(change.parts[0]) == cause.limb_threshold
     for value in (cause.limb_threshold, round(cause.limb_threshold + THRESHOLD_RESOLUTION, 9)):
         other = stance_graph(few, settings=replace(settings, limb_threshold=value))
         found = Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05)
         assert bool(found) == (value == cause.limb_threshold)
+        assert not found or len(found.plan.steps) == change.steps
 
 
 @pytest.mark.parametrize("half", [0.05, 0.3, 1.0])

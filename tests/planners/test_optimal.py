@@ -1,0 +1,102 @@
+"""Plans and costs-to-go against SciPy's Dijkstra over all states of `successors`."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from paper import NO_COLLISIONS
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from mlivr_gym import Box, Settings, State, stance_graph
+from mlivr_gym.planners import Planner
+from mlivr_gym.planners.costs import Cost
+
+COSTS = [("base", None), ("steps", None), ("weighted", 0.2)]
+CRATE = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
+FEW, MORE = ("D1a", "F1b", "F2b"), ("D1a", "D2a", "F1b", "A1a")
+WORLDS = {
+    "no collisions": (FEW, NO_COLLISIONS, ()),
+    "stances alone": (MORE, Settings(collisions=False, transitions=False), ()),
+    "collisions": (MORE, Settings(), ()),
+    "crate": (MORE, Settings(), (CRATE,)),
+}
+"""Tracks, settings and obstacles; with the obstacle two points are occupied."""
+
+
+class Truth(NamedTuple):
+    """A graph of which all is known, its states, where their bases are, and the steps between."""
+
+    graph: object
+    lazy: object
+    states: list
+    places: np.ndarray
+    ends: np.ndarray
+    moved: np.ndarray
+
+
+@pytest.fixture(scope="module", params=WORLDS)
+def truth(request, jem):
+    """Of few enough stances for all their states; nothing is known of the graph `lazy`."""
+    tracks, settings, boxes = WORLDS[request.param]
+    keep = np.isin([point.split(":")[0] for point in jem.ids], tracks)
+    if tracks == FEW:
+        keep &= np.array([int(point.split(":")[1]) % 2 == 0 for point in jem.ids])
+    graph, lazy = (stance_graph(jem.subset(keep, "few"), settings=settings) for _ in range(2))
+    for one in (graph, lazy) if boxes else ():
+        one.add_obstacles(boxes)
+        one.occupy([4, 20])
+    graph.node_postures(np.arange(len(graph)))
+    states = [
+        State(tuple(points), tuple(branch_sets))
+        for points, branch_sets in zip(
+            graph.points.tolist(), graph.branch_sets.tolist(), strict=True
+        )
+        if all(branch_sets) and not graph.occupied.intersection(points)
+    ]
+    index, edges, moved = {state: k for k, state in enumerate(states)}, [], []
+    for state in states:
+        here, steps = graph.base_position[graph.find(state.stance)], graph.successors(state)
+        for k in range(len(steps.limb)):
+            after = steps.after(state, k)
+            if after not in index:
+                index[after] = len(states)
+                states.append(after)
+            edges.append((index[state], index[after]))
+            moved.append(np.linalg.norm(steps.base_position[k] - here))
+    places = np.array([graph.base_position[graph.find(state.stance)] for state in states])
+    return Truth(graph, lazy, states, places, np.array(edges).T, np.array(moved))
+
+
+@pytest.mark.parametrize(("name", "price"), COSTS)
+def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
+    """Also of the exact cost-to-go, which checks every step."""
+    graph, count, cost = truth.graph, len(truth.states), Cost.named(name, price)
+    known, planner = Planner(graph), Planner(truth.lazy)
+    # SciPy takes a zero for no edge; steps run backwards here.
+    weights = np.maximum(cost.base_weight * truth.moved + cost.step_weight, 1e-300)
+    steps = csr_array((weights, tuple(truth.ends[::-1])), shape=(count, count))
+    rng, how, outcomes = np.random.default_rng(0), {"regrasp_price": price}, []
+    how["goal_tolerance"] = 0.05
+    for _ in range(6):
+        goal = np.clip(truth.places[rng.integers(count)], *graph.grasp_map.cabin)
+        inside = np.flatnonzero(np.linalg.norm(truth.places - goal, axis=1) <= 0.05)
+        costs = dijkstra(steps, indices=inside, min_only=True)
+        values = known.cost_to_go(goal, name, **how)
+        for k in rng.integers(count, size=5):
+            start, least = truth.states[k], costs[k]
+            assert values.value(start) == pytest.approx(least, abs=1e-9)
+            for exact in ({}, {"method": "dijkstra"}, {"heuristic": "consistent"}):
+                found = planner.plan(start, goal, name, **exact, **how)
+                assert bool(found) == np.isfinite(least)
+                if found:
+                    assert found.plan.cost == pytest.approx(least, abs=1e-9)
+                    assert found.plan.statistics.bound == 1.0
+            outcomes.append(bool(found))
+            if found:
+                greedy = planner.plan(start, goal, name, method="greedy", **how).unwrap()
+                inflated = {"heuristic": "consistent", "inflation": 1.5}
+                fast = planner.plan(start, goal, name, **inflated, **how).unwrap()
+                assert least - 1e-9 <= min(greedy.cost, fast.cost)
+                assert fast.cost <= 1.5 * least + 1e-9
+    assert sum(outcomes) > 10
