@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from coal_ruler import Ruler, behind, grasps_of
+from coal_ruler import Ruler, behind
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, robot_spec
@@ -37,19 +37,6 @@ def test_capsules_lie_where_mujoco_has_them(jem):
                 order = np.argsort(np.linalg.norm(found - ends[i, c, 0], axis=1))
                 np.testing.assert_allclose(found[order], ends[i, c], atol=1e-7)
                 assert model.geom_size[geom, 0] == pytest.approx(SHAPES.radii[c])
-
-
-def test_every_stance_left_out_touches_something(checked_graph, graph):
-    """The best posture of a stance that only collisions exclude is closer than the clearance."""
-    rng = np.random.default_rng(3)
-    missing = [s for s in range(len(graph)) if checked_graph.find(graph.points[s].tolist()) < 0]
-    assert len(missing) == sum(checked_graph.removed.values())
-    for s in rng.choice(missing, 60, replace=False):
-        a, b = graph.points[s].tolist()
-        branch_sets = tuple(1 << int(branch) for branch in graph.branch[s])
-        here = graph.configuration(graph.state((a, b))._replace(branch_sets=branch_sets))
-        grasps = grasps_of(graph, enumerate((a, b)))
-        assert contacts(graph.robot, graph.grasp_map.boxes, here, 0.02, grasps)
 
 
 def test_the_plain_definition_measures_what_coal_measures():

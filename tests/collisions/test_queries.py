@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from coal_ruler import Ruler, grasps_of, obstacles
+from coal_ruler import grasps_of, obstacles
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Capsule, robot_spec, stance_graph
@@ -30,20 +30,6 @@ def configuration(graph, s, rng):
     bits = ([b for b in range(16) if m >> b & 1] for m in graph.branch_sets[s].tolist())
     branch_sets = tuple(1 << int(rng.choice(some)) for some in bits)
     return graph.configuration(State(tuple(graph.points[s].tolist()), branch_sets)), branch_sets
-
-
-def test_further_capsules_on_the_base_touch_nothing(small_map):
-    """Stances of a robot with a long arm on each mount keep the clearance from the racks."""
-    arm = Capsule("base", (0.0, 0.0, 0.05), (-0.6, 0.0, 0.05), 0.03)
-    robot = replace(ROBOT, name="long", capsules=(*ROBOT.shapes, arm))
-    graph, rng = stance_graph(small_map, robot), np.random.default_rng(2)
-    ruler = Ruler(robot, small_map.boxes)
-    plain = len(stance_graph(small_map))
-    assert 100 < len(graph) < plain
-    for s in rng.choice(len(graph), 100, replace=False):
-        here, _ = configuration(graph, s, rng)
-        least = ruler.measured(here, grasps_of(graph, enumerate(graph.points[s].tolist())))
-        assert not least or least[0][0] >= CLEARANCE - 1e-9
 
 
 def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):

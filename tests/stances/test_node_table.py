@@ -13,14 +13,8 @@ from mlivr_gym.postures.candidate_poses import bases_at
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_edges import (
-    NodePair,
     branches_lost,
-    count_node_pairs,
     edge_ends,
-    edges_of,
-    list_node_pairs,
-    row_of,
-    with_edges,
 )
 from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.random_states import random_state
@@ -43,15 +37,6 @@ def graph(known):
 @pytest.fixture(scope="module")
 def table(known):
     return known[1]
-
-
-def listed(table, first, last):
-    """The pairs that share branches of some rests."""
-    pairs = np.empty(
-        (count_node_pairs(table, NodePair.before(table, first), last), 2), dtype=np.int64
-    )
-    list_node_pairs(table, NodePair.before(table, first), last, pairs)
-    return pairs
 
 
 def is_set(bits, k):
@@ -87,60 +72,6 @@ def test_it_has_every_node_and_what_the_graph_says_of_it(graph, table):
         np.testing.assert_array_equal(unpacked(mine[rows], limbs), relabelled(theirs, relabellings))
     if is_symmetric_after_relabelling(graph.robot):
         assert len(set(rows.tolist())) * limbs == len(rows)
-
-
-def test_no_step_of_the_graph_is_ruled_out(graph, table):
-    """And what is ruled out is none, from all branches."""
-    limbs, steps, missing, ruled_in = graph.limbs, 0, 0, 0
-    points = table.points.astype(np.int64)
-    postures = graph.nodes(points)
-    for s in np.random.default_rng(0).choice(len(points), 60).tolist():
-        state = State(tuple(points[s].tolist()), tuple(postures.branch_sets[s].tolist()))
-        found = graph.successors(state)
-        after = np.array([found.after(state, k).stance for k in range(len(found.limb))])
-        rows, relabellings = table.find(after.reshape(-1, limbs), graph.robot)
-        joined = set()
-        for limb in range(limbs):
-            support_set = table.support_sets[s, limb]
-            begin, end = table.start[support_set], table.start[support_set + 1]
-            mine = np.flatnonzero(table.members[begin:end] == s * limbs + limb)
-            row = called(row_of)(table, s, limb)
-            if not len(mine):
-                assert row == -1
-                assert int(table.releasable[s]) >> 16 * limb & 0xFFFF == 0
-                continue
-            assert row == table.offset[support_set] + int(mine[0]) * (end - begin)
-            for k in range(end - begin):
-                if is_set(table.joined, row + k):
-                    other, moved = divmod(int(table.members[begin + k]), limbs)
-                    joined.add((limb, other, moved))
-        steps += len(found.limb)
-        for limb, row, relabelling in zip(
-            found.limb.tolist(), rows.tolist(), relabellings.tolist(), strict=True
-        ):
-            missing += (limb, row, (limb - relabelling) % limbs) not in joined
-        ruled_in += len(joined)
-        assert is_symmetric_after_relabelling(graph.robot) or all(
-            limb == moved for limb, _, moved in joined
-        )
-    assert missing == 0
-    assert 50 < steps > 0.6 * ruled_in
-
-
-def test_pairs_are_those_that_share_branches(graph, table):
-    limbs, support_sets = graph.limbs, len(table.offset) - 1
-    pairs = listed(table, 0, support_sets)
-    branch_sets, expected = unpacked(table.branch_sets, limbs), []
-    for begin, end in itertools.pairwise(table.start.tolist()):
-        for k, m in itertools.combinations(range(begin, end), 2):
-            (a, i), (b, j) = (divmod(int(table.members[x]), limbs) for x in (k, m))
-            held = np.roll(branch_sets[a], -i - 1)[:-1] & np.roll(branch_sets[b], -j - 1)[:-1]
-            if held.all():
-                expected.append([k, m])
-    assert pairs.tolist() == expected
-    some = listed(table, support_sets // 3, 2 * support_sets // 3)
-    inside = (table.start[support_sets // 3], table.start[2 * support_sets // 3])
-    assert some.tolist() == [one for one in expected if inside[0] <= one[0] < inside[1]]
 
 
 def kept_at_most(graph, table, bits):
@@ -236,16 +167,6 @@ def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
             one.remove_obstacles()
         known._releases.clear()
     assert fewer > 2
-
-
-def test_what_is_known_of_pairs_is_spread_as_it_was_gathered(table):
-    blank = table._replace(joined=np.zeros_like(table.joined))
-    again = with_edges(blank, edges_of(table))
-    for name in ("joined", "loses_branches", "ranks", "lost"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(table, name))
-        assert getattr(again, name).dtype == getattr(table, name).dtype
-    assert table.joined.any()
-    assert table.lost.any()
 
 
 @pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])

@@ -75,6 +75,13 @@ def test_a_mapped_table_is_found_again(graph, table, empty_cache, caplog):
     assert "is damaged, or not of format" in caplog.text
 
 
+def test_an_unpacked_table_of_another_graph_is_passed_over(graph, table, empty_cache, caplog):
+    other = stance_graph(graph.grasp_map, f"mlivr{7 - graph.limbs}")
+    NODE_TABLES.cache(other, table).rename(NODE_TABLES.cached(graph))
+    assert find_table(graph) is None
+    assert "is for another robot; the file is not used" in caplog.text
+
+
 def test_a_mapped_array_of_another_shape_is_refused(graph, table, empty_cache):
     path = NODE_TABLES.cache(graph, table)
     for name in table._fields[:-1]:  # the last may have any length

@@ -3,16 +3,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from branches import angles_on, arm_of
 from held_points import assert_held
 from paper import NO_COLLISIONS
 
-from mlivr_gym import Box, GraspMap, Limb, Settings, State, jem_map, robot_spec, stance_graph
+from mlivr_gym import Box, GraspMap, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path, base_poses
-from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
-from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.kinematics.ur import forward_kinematics
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -26,21 +22,6 @@ def steps_of(graph, state):
 
 def state_of(graph, s):
     return State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        NO_COLLISIONS,
-        Settings(collisions=False, transitions=False),
-        Settings(collisions=False, manipulability=False),
-    ],
-)
-def test_whole_set_and_neighbours_on_demand_agree(small_map, settings):
-    graph = stance_graph(small_map, settings=settings)
-    implicit = ImplicitGraph(small_map, graph.robot, settings)
-    for s in np.random.default_rng(1).integers(0, len(graph), 12):
-        assert steps_of(graph, state_of(graph, s)) == steps_of(implicit, state_of(graph, s))
 
 
 def test_without_checks_every_pair_of_stances_that_share_a_point_is_a_step(small_map):
@@ -76,45 +57,6 @@ def test_a_step_can_always_be_taken_back(jem, limbs):
         assert (int(steps.limb[k]), before.stance[steps.limb[k]]) in steps_of(graph, state)
 
 
-@pytest.mark.parametrize("limbs", [2, 3])
-def test_holding_limbs_can_follow_the_base_on_every_branch_left(jem, limbs):
-    """Along a step's base path the held grasp stays in reach, away from singularities."""
-    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
-    rng = np.random.default_rng(7)
-    for _ in range(8):
-        state = random_state(graph, rng)
-        steps = graph.successors(state)
-        k = int(rng.integers(len(steps.limb)))
-        after = list(state.stance)
-        after[steps.limb[k]] = int(steps.point[k])
-        postures = join(graph.posture(state.stance), graph.posture(after))
-        first, last = postures.base_rows
-        held = [p for i, p in enumerate(after) if i != steps.limb[k]]
-        pivot = graph.grasp_map.positions[held].mean(axis=0)
-        paths = [
-            base_poses(base_path(first, last, kind, pivot), np.linspace(0, 1, 60))
-            for kind in (STRAIGHT, ARC)
-        ]
-        for i in range(limbs):
-            if i == steps.limb[k]:
-                continue
-            for bit in (b for b in range(16) if steps.branch_sets[k, i] >> b & 1):
-                assert any(keeps_branch(graph, i, after[i], bit & 7, *path) for path in paths)
-
-
-def keeps_branch(graph, limb, point, branch, positions, rotations):
-    robot, flange = graph.robot, graph.solver.grasps[point]["flange"]
-    for position, rotation in zip(positions, rotations, strict=True):
-        mount = rotation @ robot.mount_rotations[limb]
-        p = mount.T @ (flange["position"] - position - rotation @ robot.mount_positions[limb])
-        q = angles_on(arm_of(robot.limb), p, mount.T @ flange["rotation"], branch)
-        if q is None:
-            return False
-        if abs(np.linalg.det(jacobian(q, robot.limb.lengths))) / 0.87**3 < 0.03 - 1e-9:
-            return False
-    return True
-
-
 def test_stance_faults_are_named(graph):
     for stance, words in (
         (("D1a:4",), "must name 2 points"),
@@ -145,22 +87,6 @@ def test_configuration_reaches_every_held_point(graph):
         graph.robot, graph.grasp_map, state.stance, graph.configuration(state),
         lambda q: forward_kinematics(q, lengths)[6], 1e-9,
     )  # fmt: skip
-
-
-def test_narrow_joint_limits_take_steps_away_and_agree_with_neighbours_on_demand(small_map):
-    limits, starts = ((-2.7, 2.7),) * 6, (-2.7,) * 6
-    limbs = Limb(window_starts=starts), Limb(joint_limits=limits, window_starts=starts)
-    large, robot = (replace(robot_spec("mlivr2"), limb=limb) for limb in limbs)
-    wide, narrow = (stance_graph(small_map, spec, NO_COLLISIONS) for spec in (large, robot))
-    implicit = ImplicitGraph(small_map, robot, NO_COLLISIONS)
-    fewer = 0
-    for s in np.random.default_rng(5).integers(0, len(narrow), 12):
-        state = state_of(narrow, s)
-        ours = steps_of(narrow, state)
-        assert ours == steps_of(implicit, state)
-        full = steps_of(wide, state_of(wide, wide.find(state.stance)))
-        fewer += len(full) - len(ours)
-    assert fewer > 0
 
 
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])

@@ -11,10 +11,8 @@ from map_data import few_of_a_wall
 from paper import NO_COLLISIONS
 
 from mlivr_gym import stance_graph
-from mlivr_gym.planners import Planner
 from mlivr_gym.stances import stance_sets, table_files
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import SET_TABLES, StanceSets, count_sets, sets_from
 
 
@@ -114,18 +112,6 @@ def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cach
     monkeypatch.setattr(stance_sets, "MOST_SETS", 10)
     assert StanceSets.of(graph) is None
     assert not list(empty_cache.glob("sets-*.npz"))
-
-
-def test_a_plan_of_four_limbs_waits_for_no_sets(graph, empty_cache, monkeypatch):
-    """With a new robot on a new map; they are worth their time with three limbs alone."""
-    made = []
-    monkeypatch.setattr("mlivr_gym.planners.searches.find_table", lambda graph: None)
-    monkeypatch.setattr(stance_sets, "_computed", lambda *given: made.append(given))
-    fresh = stance_graph(graph.grasp_map, graph.robot, graph.settings)
-    start = random_state(fresh, np.random.default_rng(0))
-    goal = fresh.posture_of(start).base_position[0] + (0.1, 0.0, 0.0)
-    Planner(fresh).plan(start, np.clip(goal, *graph.grasp_map.cabin), "steps", limit=20)
-    assert len(made) == (graph.limbs == 3)
 
 
 def test_counts_and_lists_of_sets_are_those_of_all_combinations():

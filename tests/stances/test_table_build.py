@@ -1,4 +1,4 @@
-"""Complete tables of two limbs: stopped and gone on with, by several at once, on a full disk."""
+"""Building of tables: stopped and gone on with, by several at once, on a full disk."""
 
 import json
 import logging
@@ -6,19 +6,19 @@ import os
 import subprocess
 import sys
 import time
+from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from small_tables import stop_at
+from small_tables import small_table, stop_at
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
-from mlivr_gym.stances import parts
-from mlivr_gym.stances.table_build import build_table, fill_rows
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import node_table_build, parts, table_files
+from mlivr_gym.stances.table_build import build_table, files_of, fill_rows
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 KERNELS = kernel_root()
@@ -46,16 +46,17 @@ def whole(fewer):
 
 
 @pytest.fixture
-def checked(monkeypatch):
-    """How many steps were asked to be checked."""
-    counts, know = [0], TwoLimbGraph.check_steps
+def written(monkeypatch):
+    """Names of the parts that were written, each after it was worked out."""
+    names, write = [], parts.Parts._write
 
-    def counted(self, held, before, after):
-        counts[0] += len(held)
-        know(self, held, before, after)
+    def noted(self, name, arrays):
+        if self.folder is not None:
+            names.append(name)
+        write(self, name, arrays)
 
-    monkeypatch.setattr(TwoLimbGraph, "check_steps", counted)
-    return counts
+    monkeypatch.setattr(parts.Parts, "_write", noted)
+    return names
 
 
 def assert_same(graph, whole):
@@ -68,24 +69,47 @@ def assert_same(graph, whole):
             np.testing.assert_array_equal(ours[name], theirs[name])
 
 
-def test_a_build_that_was_stopped_goes_on_where_it_was(fewer, whole, cache, checked):
-    graph = stance_graph(fewer)
-    every = int((graph.steps.degree * (graph.steps.degree - 1) // 2).sum())
+@pytest.mark.parametrize("share", [0.3, 0.8])
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_a_build_that_was_stopped_goes_on_where_it_was(
+    fewer, whole, cache, written, monkeypatch, limbs, share
+):
+    """Each part is worked out once."""
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
+    monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 60)
+    monkeypatch.setattr(node_table_build, "PAIRS_AT_ONCE", 200)
+
+    def graph():
+        return (
+            stance_graph(fewer)
+            if limbs == 2
+            else stance_graph(small_table(3)[0].grasp_map, "mlivr3")
+        )
+
     with pytest.raises(KeyboardInterrupt):
-        build_table(graph, stop_at(0.6))
-    first = checked[0]
-    assert 0.3 * every < first < every
-    assert not TWO_LIMB_TABLES.cached(graph).exists()
-    assert len(list(cache.glob("parts-*/*.npz"))) > 10
-    checked[0] = first
-    again = stance_graph(fewer)
-    assert build_table(again) == TWO_LIMB_TABLES.cached(again)
-    assert checked[0] == every  # each once
-    assert_same(again, whole)
-    assert_same(stance_graph(fewer), whole)
-    assert [path.name for path in cache.iterdir()] == [TWO_LIMB_TABLES.cached(again).name]
-    build_table(stance_graph(fewer), stop_at(0.0))  # nothing is left to do
-    assert checked[0] == every
+        build_table(graph(), stop_at(share))
+    before = len(written)
+    assert before == len(list(cache.glob("parts-*/*.npz"))) > 1
+    again = graph()
+    path = build_table(again)
+    assert path == files_of(again).cached(again)
+    assert before < len(written) == len(set(written))
+    assert path.is_file()
+    assert not list(cache.glob("parts-*"))
+    if limbs == 2:
+        assert_same(again, whole)
+        assert_same(graph(), whole)
+    else:
+        for one, other in zip(again.table, small_table(3)[1], strict=True):
+            np.testing.assert_array_equal(one, other)
+    every = set(written)
+    build_table(graph(), stop_at(0.0))  # nothing is left to do
+    assert set(written) == every
+    path.unlink()
+    written.clear()
+    table_files._memory.clear()
+    build_table(graph())
+    assert set(written) == every
 
 
 def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache):
@@ -133,29 +157,40 @@ def test_two_processes_build_at_once(fewer, whole, cache):
     }
 
 
-def test_a_full_disk_is_told_and_all_goes_on(fewer, whole, monkeypatch, caplog):
+@pytest.mark.parametrize("is_full", [False, True])
+def test_a_table_that_cannot_be_written_is_told_and_all_goes_on(
+    fewer, whole, monkeypatch, tmp_path, caplog, is_full
+):
+    """On a full disk, or where the folder cannot be made."""
+
     def full(path, _):
         raise FileError(f"cannot write {str(path)!r}: No space left on device")
 
-    for module in ("parts", "table_files"):
-        monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
+    if is_full:
+        for module in ("parts", "table_files"):
+            monkeypatch.setattr(f"mlivr_gym.stances.{module}.write_whole", full)
+    else:
+        (tmp_path / "file").write_text("")
+        monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
     graph = stance_graph(fewer)
     with caplog.at_level(logging.WARNING):
         assert build_table(graph) is None
     assert_same(graph, whole)
     lines = [record.getMessage() for record in caplog.records]
-    assert len(lines) == 2  # not one for each part
-    assert all(line.endswith("No space left on device") for line in lines)
+    assert any("the table is not stored" in line for line in lines)
+    if is_full:
+        assert len(lines) == 2  # not one for each part
+        assert all(line.endswith("No space left on device") for line in lines)
 
 
-def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, checked):
+def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, written):
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(fewer), stop_at(0.6))
-    graph = stance_graph(fewer)
-    checked[0] = 0
+    first = set(written)
     monkeypatch.setattr(parts, "source_digest", lambda _: "0" * 16)
-    build_table(graph)
-    assert checked[0] == int((graph.steps.degree * (graph.steps.degree - 1) // 2).sum())
+    build_table(stance_graph(fewer))
+    assert written.count(max(first)) == 2
+    assert len(written) == len(first) + len(set(written))
 
 
 def test_a_table_that_is_read_counts_as_used(fewer, whole):
@@ -174,15 +209,3 @@ def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
     build_table(late)
     build_table(early)
     assert_same(early, whole)
-
-
-def test_a_folder_that_cannot_be_made_is_told_and_all_goes_on(
-    fewer, whole, monkeypatch, tmp_path, caplog
-):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
-    graph = stance_graph(fewer)
-    with caplog.at_level(logging.WARNING):
-        assert build_table(graph) is None
-    assert_same(graph, whole)
-    assert "the table is not stored" in caplog.text

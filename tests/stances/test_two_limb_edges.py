@@ -1,9 +1,12 @@
 """The table of steps: the same for any number of threads, and in both directions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from paper import NO_COLLISIONS
 
-from mlivr_gym import Box, Settings, State, stance_graph
+from mlivr_gym import Box, Limb, Settings, State, robot_spec, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -70,62 +73,6 @@ def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
     assert graph.max_displacement == pytest.approx(longest)
 
 
-def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_graph):
-    """Asked one stance at a time, with every branch that a limb may be on."""
-    graph = small_graph
-    tables = step_tables(graph)
-    implicit = ImplicitGraph(graph.grasp_map, graph.robot, graph.settings)
-    for s in np.random.default_rng(0).integers(0, len(graph), 10):
-        state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
-        found = tables.successors(int(s), state.branch_sets)
-        truth = implicit.successors(state)
-        ours, theirs = (
-            {
-                (int(i), int(p)): tuple(branch_sets.tolist())
-                for i, p, branch_sets in zip(*one, strict=True)
-            }
-            for one in (
-                (found.limb, found.point, found.branch_sets),
-                (truth.limb, truth.point, truth.branch_sets),
-            )
-        )
-        assert ours == theirs
-
-
-def test_a_step_is_checked_when_it_is_asked_for_first(by_one_thread, small_map):
-    """From either end: each end is asked for in a graph that does not know the step yet."""
-    graph, rng, kept, changing = by_one_thread, np.random.default_rng(0), 0, 0
-    there, back = (stance_graph(small_map) for _ in range(2))
-    assert not there.is_complete
-    for held in range(2):
-        rows = [graph.edges_of_row(held, int(p)) for p in np.unique(graph.points[:, held])]
-        for before, after in rng.permutation(np.concatenate(rows, axis=1).T)[:300].tolist():
-            for fresh, ends in ((there, (before, after)), (back, (after, before))):
-                fresh._known.edge(1, held, *ends)
-                index = graph._known.index(held, *ends)
-                known = graph._known.table.edges[index]
-                assert fresh._known.table.edges[index] == known
-            kept += int(known["kept"] != 0)
-            changing += int(
-                known["line_branches"] >= 0
-                and known["line_branches"] // 8 != known["line_branches"] % 8
-            )
-    assert kept > 10
-    assert changing > 5
-
-
-def test_edges_are_told_where_steps_are_not_checked(small_map):
-    """As by a graph that has no table of them."""
-    graph = stance_graph(small_map, settings=Settings(transitions=False))
-    implicit = ImplicitGraph(graph.grasp_map, graph.robot, graph.settings)
-    state = graph.state(graph.points[0].tolist())
-    steps = graph.successors(state)
-    for k in range(0, len(steps.limb), 9):
-        after = steps.after(state, k).stance
-        both = join(graph.posture(state.stance), graph.posture(after))
-        assert graph.edge(state, after, both) == implicit.edge(state, after, both)
-
-
 def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map):
     """Boxes come one by one, each asked about at once, against a graph that has them all."""
     few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
@@ -179,3 +126,63 @@ def test_a_graph_tells_when_an_obstacle_gives_a_limb_another_branch(small_map, m
             np.testing.assert_array_equal(grown.releasable, now)
             before = now
     assert min(told.count(True), told.count(False)) >= 3
+
+
+LIMITS, STARTS = ((-2.7, 2.7),) * 6, (-2.7,) * 6
+WIDE, NARROW = (
+    replace(robot_spec("mlivr2"), limb=limb)
+    for limb in (Limb(window_starts=STARTS), Limb(joint_limits=LIMITS, window_starts=STARTS))
+)
+
+
+def steps_of(found):
+    """Branch sets after each step, by limb and point."""
+    return {
+        (int(limb), int(point)): tuple(branch_sets.tolist())
+        for limb, point, branch_sets in zip(found.limb, found.point, found.branch_sets, strict=True)
+    }
+
+
+@pytest.mark.parametrize(
+    ("robot", "settings"),
+    [
+        ("mlivr2", NO_COLLISIONS),
+        (WIDE, NO_COLLISIONS),
+        (NARROW, NO_COLLISIONS),
+        ("mlivr2", Settings(collisions=False, transitions=False)),
+        ("mlivr2", Settings(collisions=False, manipulability=False)),
+        ("mlivr2", Settings()),
+    ],
+)
+def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_map, robot, settings):
+    """Asked one stance at a time, with every branch that a limb may be on.
+
+    Among boxes, the limb that holds keeps some or all of the branches that it keeps without a
+    table, where either limb is folded.
+    """
+    graph = stance_graph(small_map, robot, settings)
+    tables, implicit = step_tables(graph), ImplicitGraph(small_map, graph.robot, settings)
+    count = same = 0
+    for s in np.random.default_rng(1).integers(0, len(graph), 12):
+        state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
+        found = graph.successors(state)
+        ours, truth = steps_of(found), steps_of(implicit.successors(state))
+        assert steps_of(tables.successors(int(s), state.branch_sets)) == ours
+        assert ours.keys() == truth.keys()
+        for (limb, point), kept in truth.items():
+            mine = ours[limb, point]
+            assert mine[limb] == kept[limb]
+            assert 0 < mine[1 - limb] == mine[1 - limb] & kept[1 - limb]
+            same += mine == kept
+        count += len(ours)
+        for k in range(0, len(found.limb), 9) if not settings.transitions else ():
+            after = found.after(state, k).stance
+            both = join(graph.posture(state.stance), graph.posture(after))
+            assert graph.edge(state, after, both) == implicit.edge(state, after, both)
+    assert same == count if not settings.collisions else same > 0.5 * count > 50
+
+
+def test_narrow_joint_limits_take_steps_away(small_map):
+    wide, narrow = (len(step_tables(stance_graph(small_map, robot, NO_COLLISIONS)).after)
+                    for robot in (WIDE, NARROW))  # fmt: skip
+    assert 0 < narrow < wide
