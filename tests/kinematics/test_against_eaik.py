@@ -1,4 +1,4 @@
-"""Arms with three parallel axes, of six joints or with a first one that is held, against EAIK."""
+"""Solutions of arms of all closed forms, some with a joint held, against EAIK."""
 
 from dataclasses import replace
 
@@ -7,12 +7,15 @@ import oracle
 import pinocchio as pin
 import pytest
 import station_arm
-from arms import turned
+from arms import frames, turned
 from branches import arm_of, solutions
 from eaik.IK_HP import HPRobot
+from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym import Limb, SsrmsLimb
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
+
+WRISTS = LIMBS | OTHERS | FURTHER
 
 
 def eaik_arm(model, frame, held=None):
@@ -29,22 +32,25 @@ def eaik_arm(model, frame, held=None):
     return HPRobot(axes, np.diff(places, axis=0), held), end.rotation
 
 
-def assert_same_solutions(limb, robot, pose, flange, all_angles):
+def assert_same_solutions(limb, robot, pose, flange, to_ours):
     """EAIK finds at `pose` as many exact solutions as there are branches at `flange`, and these."""
     mask, ours = solutions(arm_of(limb), flange[:3, 3], flange[:3, :3])
     found = robot.IK(pose)
-    exact = [q for q, fit in zip(found.Q, found.is_LS, strict=True) if not fit]
+    exact = [to_ours(q) for q, fit in zip(found.Q, found.is_LS, strict=True) if not fit]
     assert len(exact) == mask.bit_count() > 0
-    every = [all_angles(ours[branch]) for branch in range(8) if mask >> branch & 1]
     for q in exact:
-        assert min(turned(one, q) for one in every) < 1e-6
+        assert min(turned(ours[b], q) for b in range(8) if mask >> b & 1) < 1e-6
+
+
+def random_angles(seed):
+    return np.random.default_rng(seed).uniform(-np.pi, np.pi, (30, 6))
 
 
 @pytest.mark.parametrize("limb", [*map(arm_limb, ARMS), Limb(d4=-0.1333, d5=-0.0997)])
-def test_eaik_finds_the_same_solutions(limb):
-    model, rng = oracle.pinocchio_arm(limb), np.random.default_rng(0)
+def test_eaik_finds_the_same_solutions_of_arms_with_parallel_axes(limb):
+    model = oracle.pinocchio_arm(limb)
     robot, axes = eaik_arm(model, "flange")
-    for q in rng.uniform(-np.pi, np.pi, (30, 6)):
+    for q in random_angles(0):
         flange = oracle.flange(model, q)[0]
         pose = flange.copy()
         pose[:3, :3] = flange[:3, :3] @ axes.T
@@ -53,17 +59,33 @@ def test_eaik_finds_the_same_solutions(limb):
 
 @pytest.mark.parametrize("held", [0.0, 0.7, -2.0])
 def test_eaik_finds_the_same_solutions_of_the_published_station_arm_with_joint_1_held(held):
-    limb, rng = replace(SsrmsLimb(), held_angle=held), np.random.default_rng(1)
+    limb = replace(SsrmsLimb(), held_angle=held)
     robot, _ = eaik_arm(station_arm.MODEL, "end", [(0, held)])
     axes, origin = limb.base_in_mount
     mount = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-    for angles in rng.uniform(-np.pi, np.pi, (30, 6)):
+    for angles in random_angles(1):
         pose = station_arm.end_of([held, *angles])[0]
         flange = np.eye(4)
         turn = mount @ pose[:3, :3] @ station_arm.along(station_arm.LINKS[6][0])
         flange[:3, :3] = axes.T @ turn
         flange[:3, 3] = axes.T @ (mount @ pose[:3, 3] - origin)
         assert_same_solutions(
-            limb, robot, pose, flange,
-            lambda q: np.array([held, *station_arm.SIGNS * (q - station_arm.ZEROS)]),
-        )  # fmt: skip
+            limb, robot, pose, flange, lambda q: station_arm.SIGNS * q[1:] + station_arm.ZEROS
+        )
+
+
+@pytest.mark.parametrize("name", WRISTS)
+def test_eaik_finds_the_same_solutions(name):
+    """Arms with a spherical wrist or shoulder, known by their axes and the joint that is held."""
+    limb, model = WRISTS[name], pinocchio_wrist_arm(WRISTS[name])
+    held = [(limb.held_joint - 1, limb.held_angle)] if limb.held_joint else None
+    robot, axes = eaik_arm(model, "flange", held)
+    to_base = np.eye(4)
+    if limb.base_in_mount is not None:
+        to_base[:3, :3], to_base[:3, 3] = limb.base_in_mount
+    for q in random_angles(0):
+        flange = flange_of(model, limb, q)[0]
+        np.testing.assert_allclose(frames(limb, q)[6], flange, atol=1e-12)
+        pose = to_base @ flange
+        pose[:3, :3] = pose[:3, :3] @ axes.T
+        assert_same_solutions(limb, robot, pose, flange, limb.moving_angles)
