@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import FileName, InstanceOf, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -55,13 +55,15 @@ AZIMUTH, ELEVATION = 84.0, -8.0
 """Angles of the camera's line of sight [deg]."""
 
 
+FILM: Validators = {**ARGUMENTS, "size": SIZE, "speed": OrNone(SPEED)}
+"""Validators of the arguments of all films."""
+
+
 @checked(
     {
-        **ARGUMENTS,
+        **FILM,
         "recording": InstanceOf(Recording),
         "plan": OrNone(ARGUMENTS["plan"]),
-        "size": SIZE,
-        "speed": OrNone(SPEED),
         "capsules": Flag(),
     }
 )

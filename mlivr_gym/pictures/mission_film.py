@@ -13,16 +13,16 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.closed_loop.cargo_mission import BAG, CargoMission, MissionPart
 from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.pictures.film import (
     DEFAULT_SIZE,
+    FILM,
     SPEED,
     check_film_format,
     film_pictures,
     film_samples,
     save_film,
 )
-from mlivr_gym.pictures.rendering import SIZE, Shot
+from mlivr_gym.pictures.rendering import Shot
 from mlivr_gym.pictures.scene_shapes import add_box
 from mlivr_gym.robot.cargo import LockedLimb
 from mlivr_gym.schema import ListOf
@@ -35,10 +35,9 @@ IN_GRIPPER = "fold", "carry", "stow"
 
 @checked(
     {
-        **ARGUMENTS,
+        **FILM,
         "mission": InstanceOf(CargoMission),
         "parts": ListOf(InstanceOf(MissionPart), 1),
-        "size": SIZE,
         "speed": SPEED,
     }
 )

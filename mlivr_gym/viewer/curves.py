@@ -82,22 +82,17 @@ def margins(frames: Frames, plan: Plan) -> Plot:
     return Plot(title, frames.times, tuple(curves))
 
 
-def torques(recording: Recording) -> Plot:
-    """Plot the joint torques of an execution: root mean square over the joints, and maximum."""
+def recorded(recording: Recording) -> dict[str, Plot]:
+    """Plot joint torques, root mean square and maximum, and grasp forces of an execution."""
     times = recording.times - recording.times[0]
     largest = np.abs(recording.joint_torques).max(axis=(1, 2))
-    curves = (
-        ("RMS", TORQUE_COLOUR, recording.torque_rms),
-        ("largest", THRESHOLD_COLOUR, largest),
-    )
-    return Plot("joint torque [N m]", times, curves)
-
-
-def grasp_forces(recording: Recording) -> Plot:
-    """Plot the forces of the grasps of an execution."""
-    forces = np.linalg.norm(recording.grasp_forces, axis=2)
-    curves = [(f"limb {i}", LIMB_COLOURS[i], forces[:, i]) for i in range(forces.shape[1])]
-    return Plot("grasp force [N]", recording.times - recording.times[0], tuple(curves))
+    forces = np.linalg.norm(recording.grasp_forces, axis=2).T
+    torques = ("RMS", TORQUE_COLOUR, recording.torque_rms), ("largest", THRESHOLD_COLOUR, largest)
+    limbs = tuple((f"limb {i}", LIMB_COLOURS[i], force) for i, force in enumerate(forces))
+    return {
+        "torques": Plot("joint torque [N m]", times, torques),
+        "forces": Plot("grasp force [N]", times, limbs),
+    }
 
 
 def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from matplotlib.colors import to_rgba
+from matplotlib.colors import to_rgba, to_rgba_array
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
@@ -142,7 +142,7 @@ def colour_points(page: Page, grasp_map: GraspMap, marks: Marks) -> None:
     scales = np.ones(len(grasp_map), dtype=np.float32)
     scales[list(marks.points)] = MARKED_SCALE
     # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
-    share = np.asarray(marks.colours, dtype=np.float64) / 255.0
+    share = to_rgba_array(marks.colours)[:, :3]
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():
@@ -173,7 +173,8 @@ def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration
     for link, (position, quaternion) in scene.link_poses(configuration).items():
         node = page.nodes.get(_node(name, link))
         if node is not None:
-            node.position, node.wxyz = position, quaternion
+            # In a file, numbers of single precision take less space once they are compressed.
+            node.position, node.wxyz = np.float32(position), np.float32(quaternion)
 
 
 def show_collision_shapes(page: Page, name: str, scene: Scene, alone: bool) -> None:

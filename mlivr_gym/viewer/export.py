@@ -73,24 +73,19 @@ def _html_of_plan(
         if label.text != text:
             label.text = text
 
+    title = (
+        f"{plan.world.robot.name}: {'plan' if recording is None else 'execution'}, "
+        f"{len(plan.steps)} steps, {plan.base_translation:.3f} m, {plan.query.cost_name} cost"
+    )
     length = STEP_TIME * max(int(frames.step.max()) + (recording is not None), 1)
     count = min(len(frames), round(FRAME_RATE * length) + 1)
     while count >= 2:
         shown = np.linspace(0, len(frames) - 1, count).round().astype(np.int64).tolist()
-        content = page.record(shown, length / (count - 1), draw, _title(plan, recording))
+        content = page.record(shown, length / (count - 1), draw, title)
         if len(content.encode()) <= MAX_BYTES:
             return content.encode()
         count //= 2
     raise SettingError(
         f"the page of this scene would be larger than {MAX_BYTES} bytes; "
         "use a map or a plan with fewer shapes, capsules in place of meshes, or serve the page"
-    )
-
-
-def _title(plan: Plan, recording: Recording | None) -> str:
-    """Return the title of the page."""
-    what = "plan" if recording is None else "execution"
-    return (
-        f"{plan.world.robot.name}: {what}, {len(plan.steps)} steps, "
-        f"{plan.base_translation:.3f} m, {plan.query.cost_name} cost"
     )

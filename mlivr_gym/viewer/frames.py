@@ -26,9 +26,6 @@ STEP_TIME = 5.0
 FRAME_TIME = 0.05
 """Minimum time between two frames [s]."""
 
-MAX_FRAMES = 1500
-"""Maximum number of frames; those of long plans are spaced more widely."""
-
 AT_REST = len(PHASES)
 """Phase of a frame in which the robot rests in a stance."""
 
@@ -71,13 +68,6 @@ class Frames(TimedConfigurations):
             f"{step.from_point} → {step.to_point}, {PHASES[phase]}"
         )
 
-    def thinned(self) -> Frames:
-        """Return at most `MAX_FRAMES` of these frames, including the first and the last."""
-        if len(self) <= MAX_FRAMES:
-            return self
-        chosen = np.unique(np.linspace(0, len(self) - 1, MAX_FRAMES).round().astype(np.int64))
-        return self.part(chosen)
-
 
 def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
     """Return the frames of a plan at `STEP_TIME` a step.
@@ -91,7 +81,7 @@ def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
     step, phase = walked.step.copy(), walked.phase.copy()
     step[-1], phase[[0, -1]] = len(plan.steps), AT_REST
     bases = walked.base_positions, walked.base_quaternions
-    return Frames(walked.times, step, phase, *bases, walked.joint_positions).thinned()
+    return Frames(walked.times, step, phase, *bases, walked.joint_positions)
 
 
 def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
@@ -116,7 +106,7 @@ def stance_frames(plan: Plan) -> Frames:
 def recording_frames(recording: Recording) -> Frames:
     """Return the frames of an execution, at the times of its recording."""
     shown = {field.name: getattr(recording, field.name) for field in fields(Frames)}
-    return Frames(**shown | {"times": recording.times - recording.times[0]}).thinned()
+    return Frames(**shown | {"times": recording.times - recording.times[0]})
 
 
 def load_recording(path: str | Path, plan: Plan) -> Recording:

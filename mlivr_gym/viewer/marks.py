@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.colors import to_rgba_array
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
@@ -47,11 +46,11 @@ FREE_COLOUR = "#2b8a3e"
 class Marks(NamedTuple):
     """Colours of the points of a map with their legend."""
 
-    colours: Array
-    """Red, green and blue up to 255, shape (m, 3)."""
-    legend: tuple[tuple[str, str], ...] = ()
+    colours: list[str]
+    """Hexadecimal colour of each point."""
+    legend: list[tuple[str, str]]
     """Colour and text of each entry of the legend."""
-    points: tuple[int, ...] = ()
+    points: Sequence[int] = ()
     """Indices of the points whose colours have a meaning; they are enlarged."""
 
 
@@ -61,7 +60,7 @@ def plain_marks(graph: StanceGraph) -> Marks:
     for point in graph.occupied:
         colours[point] = OCCUPIED_COLOUR
     legend = [(OCCUPIED_COLOUR, f"occupied: {len(graph.occupied)}")] if graph.occupied else []
-    return _marks(colours, legend)
+    return Marks(colours, legend)
 
 
 def reach_marks(graph: StanceGraph, state: State) -> Marks:
@@ -75,7 +74,7 @@ def reach_marks(graph: StanceGraph, state: State) -> Marks:
     legend = [(LIMB_COLOURS[i], f"limb {i}: {counts[i]} points") for i in range(graph.limbs)]
     shared = sum(len(reaching) > 1 for reaching in limbs.values())
     legend.append((SHARED_COLOUR, f"several limbs: {shared}"))
-    return _marks(colours, legend, sorted(limbs))
+    return Marks(colours, legend, sorted(limbs))
 
 
 def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
@@ -93,7 +92,7 @@ def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
         if count[kind]
     ]
     chosen = [p for p, colour in enumerate(colours) if colour != FAINT_COLOUR]
-    return _marks(colours, legend, chosen)
+    return Marks(colours, legend, chosen)
 
 
 def policy_marks(graph: StanceGraph, probability: Array) -> Marks:
@@ -109,7 +108,7 @@ def policy_marks(graph: StanceGraph, probability: Array) -> Marks:
         if probability[limb, point] >= MIN_PROBABILITY:
             text = f"limb {limb} → {graph.grasp_map.ids[point]}: {probability[limb, point]:.0%}"
             legend.append((LIMB_COLOURS[limb], text))
-    return _marks(colours, legend, np.flatnonzero(probability.sum(axis=0) > 0.0).tolist())
+    return Marks(colours, legend, np.flatnonzero(probability.sum(axis=0) > 0.0).tolist())
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:
@@ -149,27 +148,9 @@ def states_of(graph: StanceGraph, plan: Plan) -> tuple[State | None, ...]:
     return *states, *[None] * (len(stances) - len(states))
 
 
-def nearest_to_ray(positions: Array, origin: Array, direction: Array) -> int:
-    """Return the index of the position, shape (k, 3) [m], that is closest to a line of sight."""
-    along = direction / np.linalg.norm(direction)
-    away = positions - origin
-    off = np.linalg.norm(away - (away @ along)[:, None] * along, axis=1)
-    return int(np.argmin(np.where(away @ along > 0.0, off, np.inf)))
-
-
 def _limbs_by_point(steps: Successors) -> dict[int, list[int]]:
     """Return the limbs that can step to each point."""
     limbs: dict[int, list[int]] = {}
     for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
         limbs.setdefault(point, []).append(limb)
     return limbs
-
-
-def _marks(
-    colours: Sequence[str],
-    legend: Sequence[tuple[str, str]],
-    points: Sequence[int] = (),
-) -> Marks:
-    """Return the marks with colours given as hexadecimal texts."""
-    numbers = np.round(255.0 * to_rgba_array(colours)[:, :3])
-    return Marks(numbers, tuple(legend), tuple(points))

@@ -48,9 +48,9 @@ def add_panel(viewer: Viewer) -> None:
                 "shown", (OVERLAID, SEPARATE, HIDDEN), initial_value=OVERLAID
             )
             page.item("second", shown, viewer.place_second)
-    for face in drawing.points_by_face(viewer.live.graph.grasp_map):
+    for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
-            lambda event: viewer.clicked(np.array(event.ray_origin), np.array(event.ray_direction))
+            lambda event, points=points: viewer.clicked(int(points[event.instance_index]))
         )
     goal = np.array(viewer.live.query.goal)
     page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))

@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
-from mlivr_gym.viewer.curves import Plot, grasp_forces, margins, thinned, torques, with_cursor
+from mlivr_gym.viewer.curves import Plot, margins, recorded, thinned, with_cursor
 from mlivr_gym.viewer.drawing import OVERLAID, SECOND_OFFSET, SEPARATE
 from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
@@ -158,7 +158,7 @@ class Viewer:
         if plan is not None:
             plots["margins"] = margins(self.frames, plan)
         if self.recording is not None:
-            plots |= {"torques": torques(self.recording), "forces": grasp_forces(self.recording)}
+            plots |= recorded(self.recording)
         self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}
         for name in PLOTS:
             plot = self._plots.get(name)
@@ -234,11 +234,9 @@ class Viewer:
 
     # Points, walls and second plan.
 
-    def clicked(self, origin: Array, direction: Array) -> None:
-        """Handle a click on a point, given by a line of sight from `origin` [m]."""
-        grasp_map = self.live.graph.grasp_map
-        point = marks.nearest_to_ray(grasp_map.positions, origin, direction)
-        name = grasp_map.ids[point]
+    def clicked(self, point: int) -> None:
+        """Handle a click on a point, given by its index."""
+        name = self.live.graph.grasp_map.ids[point]
         if self.click == BLOCK:
             self.change(lambda: self.live.toggle_occupied(name))
         elif self.click == EXPLAIN:
@@ -280,7 +278,7 @@ class Viewer:
         try:
             colours = self._marks(state)
         except MlivrError as error:
-            colours = marks.plain_marks(graph)._replace(legend=(("#c92a2a", str(error)),))
+            colours = marks.plain_marks(graph)._replace(legend=[("#c92a2a", str(error))])
         drawing.colour_points(self.page, graph.grasp_map, colours)
         self.page.write("legend", legend_text(colours))
 

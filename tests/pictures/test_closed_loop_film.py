@@ -15,7 +15,7 @@ from mlivr_gym.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Foota
 from mlivr_gym.errors import MlivrError, RenderError
 from mlivr_gym.pictures import closed_loop_film as filming
 from mlivr_gym.pictures import film, rendering
-from mlivr_gym.pictures.closed_loop_film import Moment, closed_loop_film
+from mlivr_gym.pictures.closed_loop_film import closed_loop_film, news_at
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
@@ -177,8 +177,8 @@ def test_a_film_is_written(graph, record, tmp_path):
 def test_a_stop_with_a_proof_is_told():
     events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
     record = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
-    assert Moment.of(record, 2.0).news == ""
-    assert Moment.of(record, 3.0).news == "stopped, with a proof that there is no plan: no way"
+    assert news_at(record, 2.0) == ""
+    assert news_at(record, 3.0) == "stopped, with a proof that there is no plan: no way"
 
 
 def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):

@@ -8,10 +8,9 @@ from recordings import recording_of
 
 from mlivr_gym.viewer.curves import (
     Plot,
-    grasp_forces,
     limb_manipulabilities,
     margins,
-    torques,
+    recorded,
     with_cursor,
 )
 from mlivr_gym.viewer.frames import plan_frames
@@ -60,12 +59,12 @@ def test_without_thresholds_there_is_no_margin(checked_graph, walk):
 
 def test_torques_and_forces_are_those_recorded(walk):
     recording = recording_of(walk)
-    k, found = 17, torques(recording)
+    k, found = 17, recorded(recording)["torques"]
     assert found.times[0] == 0.0
     flat = recording.joint_torques[k].ravel()
     assert found.curves[0][2][k] == pytest.approx(np.sqrt(np.mean(flat**2)))
     assert found.curves[1][2][k] == pytest.approx(np.abs(flat).max())
-    force = grasp_forces(recording).curves[1][2][k]
+    force = recorded(recording)["forces"].curves[1][2][k]
     assert force == pytest.approx(np.sqrt((recording.grasp_forces[k, 1] ** 2).sum()))
 
 

@@ -11,7 +11,6 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.viewer.frames import (
     AT_REST,
     STEP_TIME,
-    Frames,
     load_recording,
     plan_frames,
     recording_frames,
@@ -41,20 +40,6 @@ def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, m
     assert (frames.phase == AT_REST).all()
     assert [frames.describe(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
     np.testing.assert_array_equal(frames.joint_positions, stance_frames(walk).joint_positions)
-
-
-def test_long_walks_have_fewer_frames():
-    count = 10_000
-    frames = Frames(
-        np.arange(count, dtype=float),
-        np.zeros(count, dtype=int),
-        np.zeros(count, dtype=int),
-        np.zeros((count, 3)),
-        np.zeros((count, 4)),
-        np.zeros((count, 2, 6)),
-    ).thinned()
-    assert len(frames) == 1500
-    assert frames.times[[0, -1]].tolist() == [0.0, count - 1]
 
 
 @pytest.fixture(scope="module")

@@ -1,14 +1,9 @@
 """Colours of points, compared with the graph that they tell of."""
 
-import numpy as np
 import pytest
 
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.viewer import marks
-
-
-def rgb(colour):
-    return [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
 
 
 @pytest.fixture
@@ -23,7 +18,7 @@ def test_reach_is_what_the_successors_are(checked_graph, state):
         to, others = (set(steps.point[steps.limb == i].tolist()) for i in (limb, 1 - limb))
         for point in range(len(checked_graph.grasp_map)):
             alone = point in to and point not in others
-            assert (found.colours[point].tolist() == rgb(LIMB_COLOURS[limb])) == alone
+            assert (found.colours[point] == LIMB_COLOURS[limb]) == alone
         assert (LIMB_COLOURS[limb], f"limb {limb}: {len(to)} points") in found.legend
     assert set(found.points) == set(steps.point.tolist())
 
@@ -58,11 +53,3 @@ def test_states_follow_a_plan(checked_graph, walk):
     after = marks.states_of(checked_graph, walk)
     checked_graph.vacate()
     assert [state is None for state in after] == [False, False, True, True, True]
-
-
-def test_a_line_of_sight_finds_its_point(jem):
-    rng = np.random.default_rng(3)
-    eye = np.array([3.0, -7.0, 0.5])
-    for point in rng.choice(len(jem), 30, replace=False).tolist():
-        direction = 3.0 * (jem.positions[point] + rng.normal(size=3) * 1e-3 - eye)
-        assert marks.nearest_to_ray(jem.positions, eye, direction) == point
