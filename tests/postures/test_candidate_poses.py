@@ -30,15 +30,3 @@ def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, 
         pose_number, _ = graph.solver.candidate_poses(stance)
         apart = np.linalg.norm(pose_number - base, axis=1)
         assert apart[number] < 1e-6
-
-
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-def test_postures_do_not_depend_on_what_they_are_computed_with(small_map, robot):
-    graph, rng = stance_graph(small_map, robot), np.random.default_rng(7)
-    stances = np.array([random_state(graph, rng).stance for _ in range(10)])
-    others = stance_graph(small_map, robot).solver
-    whole = graph.solver.solve(stances)
-    for k in range(len(stances)):
-        alone = others.solve(stances[k : k + 1])
-        for name in ("base_position", "base_rotation", "w_m", "w_b", "branch_sets", "pose_number"):
-            np.testing.assert_array_equal(getattr(alone, name)[0], getattr(whole, name)[k])

@@ -13,14 +13,13 @@ from state_graph import least_cost, reachable, within
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
-from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners import planner as planner_module
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.stances.random_states import random_state
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 
@@ -36,19 +35,6 @@ def moved_pose(graph, stance, shift, turn=(0.0, 0.0, 0.0)):
 @pytest.fixture(scope="module")
 def pose(checked_graph):
     return moved_pose(checked_graph, START, (0.05, 0.03, 0.04), (0.03, -0.05, 0.1))
-
-
-def test_the_posture_of_the_graph_as_a_given_pose_gives_the_same_state(checked_graph):
-    pose = moved_pose(checked_graph, START, (0.0, 0.0, 0.0))
-    assert checked_graph.state(START, pose).branch_sets == checked_graph.state(START).branch_sets
-    steps, given = (
-        checked_graph.successors(checked_graph.state(START)),
-        checked_graph.successors(checked_graph.state(START, pose)),
-    )
-    # Computed one by one, and from the start on: other branches may be gained, no step more or
-    # less.
-    np.testing.assert_array_equal(steps.limb, given.limb)
-    np.testing.assert_array_equal(steps.point, given.point)
 
 
 @pytest.fixture(scope="module")
@@ -170,26 +156,6 @@ def test_joint_angles_from_which_no_limb_can_be_released_are_reported(checked_gr
     result = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose, start_joints=joints)
     assert result.plan is None
     assert "no step leaves the start" in result.message
-
-
-def test_three_limbs_start_in_a_given_pose(jem):
-    graph = stance_graph(jem, "mlivr3")
-    rng = np.random.default_rng(0)
-    while True:
-        stance = graph.ids(random_state(graph, rng).stance)
-        pose = moved_pose(graph, stance, (0.0, 0.0, 0.01))
-        try:
-            steps = graph.successors(graph.state(stance, pose))
-        except StanceError:
-            continue
-        if len(steps.limb):
-            break
-    goal = steps.base_position[0]
-    plan = Planner(graph).plan(stance, goal, "base", start_pose=pose, goal_tolerance=0.005).unwrap()
-    np.testing.assert_allclose(plan.motion.base_positions[0], pose[:3], atol=1e-12)
-    assert plan.statistics.cost == pytest.approx(
-        np.linalg.norm(np.diff(plan.motion.base_positions, axis=0), axis=1).sum(), abs=1e-9
-    )
 
 
 def test_the_environment_starts_in_the_given_pose(pose, from_pose):

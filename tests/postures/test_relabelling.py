@@ -8,7 +8,7 @@ from random_steps import neighbouring_points
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
-from mlivr_gym.postures.relabelling import first_limbs, lowest_first, relabelled, relabelled_frames
+from mlivr_gym.postures.relabelling import first_limbs
 
 
 @pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False), (4, True)])
@@ -80,24 +80,3 @@ def test_the_first_limb_is_that_of_the_definition_and_the_same_point_after_a_tur
     theirs = np.vectorize(lambda p: number[grasp_map.ids[p]])(stances)
     ids = [shuffled.ids[p] for p in theirs[np.arange(30), first_limbs(shuffled, theirs)]]
     assert ids == [grasp_map.ids[p] for p in point]
-
-
-def test_of_a_rectangle_the_limb_before_a_short_side_is_the_first():
-    """In any pose its four points are at equal distances, and no axis of the map is favoured."""
-    rng, corners = np.random.default_rng(5), np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0]])
-    for _ in range(10):
-        grasp_map = map_of("abcd", Rotation.random(random_state=rng).apply(corners))
-        for stance in np.array([(0, 1, 2, 3), (1, 2, 3, 0), (3, 2, 1, 0), (2, 1, 0, 3)]):
-            first = int(first_limbs(grasp_map, stance[None])[0])
-            side = grasp_map.positions[stance[[first, (first + 1) % 4]]]
-            assert np.linalg.norm(side[1] - side[0]) == pytest.approx(1.0)
-
-
-def test_turns_put_limbs_in_the_places_of_others():
-    values = np.arange(8).reshape(2, 4)
-    np.testing.assert_array_equal(
-        relabelled(values, np.array([1, -1])), [[1, 2, 3, 0], [7, 4, 5, 6]]
-    )
-    np.testing.assert_array_equal(lowest_first(np.array([[5, 2, 9], [1, 7, 3]])), [1, 0])
-    frames = relabelled_frames(np.eye(3)[None], np.array([1]), 4)
-    np.testing.assert_allclose(frames[0, :, 0], [0.0, 1.0, 0.0], atol=1e-15)

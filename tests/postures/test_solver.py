@@ -3,18 +3,6 @@ import numpy as np
 from mlivr_gym import Settings, robot_spec, stance_graph
 
 
-def test_body_faces_away_from_a_wall_and_lies_on_the_line_of_the_grasps(graph):
-    rng = np.random.default_rng(2)
-    for s in rng.integers(0, len(graph), 100):
-        a, b = graph.points[s]
-        normal = graph.grasp_map.normals[[a, b]].mean(axis=0)
-        assert graph.base_rotation[s][:, 2] @ normal > 0.5
-        line = graph.grasp_map.positions[a] - graph.grasp_map.positions[b]
-        np.testing.assert_allclose(
-            graph.base_rotation[s][:, 0], line / np.linalg.norm(line), atol=1e-6
-        )
-
-
 def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):
     faces = np.array(kinematic_graph.grasp_map.faces)[kinematic_graph.points]
     opposed = (faces[:, 0] == "deck") & (faces[:, 1] == "overhead")
