@@ -11,10 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import PlanError
-from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -217,7 +214,7 @@ def test_a_base_pose_and_angles_that_hold_as_well_are_told_apart(jem, walk):
 
 
 def test_a_plan_that_its_world_forbids_is_refused(jem, walk):
-    """Though all its numbers follow: a box in the way, a point taken, more clearance."""
+    """Though all its numbers follow: a box in the way, a point taken, more clearance or floor."""
     data, middle = unsigned(walk), walk["motion"]["base_positions"][1]
     low, high = (np.array(middle) - 0.2).tolist(), (np.array(middle) + 0.2).tolist()
     box = Box.between("crate", "obstacle", low, high).to_dict()
@@ -226,8 +223,13 @@ def test_a_plan_that_its_world_forbids_is_refused(jem, walk):
     point = walk["motion"]["stances"][2][0]
     with pytest.raises(PlanError, match=r"motion\.branches\[\d\]\[0\] is \d; .* is one of \[\]"):
         Plan.from_dict(altered(data, ("world", "occupied"), [point]), jem)
-    for name, value in (("clearance", 0.15), ("limb_threshold", 0.5), ("path_floor", 0.3)):
-        with pytest.raises(PlanError, match=r"^motion\."):
+    for name, value, told in (
+        ("clearance", 0.15, r"^motion\."),
+        ("limb_threshold", 0.5, r"^motion\."),
+        ("path_floor", 0.3, r"^motion\."),
+        ("path_floor", 0.07, r"limb 0 is on branch \d and could follow the base on none"),
+    ):
+        with pytest.raises(PlanError, match=told):
             Plan.from_dict(altered(data, ("world", "settings", name), value), jem)
 
 
@@ -279,31 +281,3 @@ def test_plans_from_a_pose_and_refined_plans_load(jem, checked_graph):
     )
     with pytest.raises(PlanError, match=told):
         Plan.from_dict(moved, jem)
-
-
-def test_a_step_that_a_limb_cannot_follow_is_refused(small_map):
-    """From a stance to one that can be held on the same branch, with no way from one to the other.
-
-    The plan is written as if there were.
-    """
-    graph = stance_graph(small_map, settings=Settings(collisions=False))
-    rng, told = np.random.default_rng(0), []
-    for row in rng.permutation(len(graph)).tolist():
-        for other in graph.row(0, row).tolist():
-            shared = int(graph.branch_sets[row, 0] & graph.branch_sets[other, 0])
-            branch_sets = shared & -shared, int(graph.branch_sets[row, 1])
-            here, there = (tuple(graph.points[k].tolist()) for k in (row, other))
-            both = graph.node_postures(np.array([row, other]))
-            if shared and not graph.edge(State(here, branch_sets), there, both).kept:
-                end = State(there, (branch_sets[0], int(graph.branch_sets[other, 1])))
-                told.append((State(here, branch_sets), end))
-        if len(told) >= 5:
-            break
-    for states in told:
-        motion = committed_motion(graph, states).motion
-        length = motion.steps[0].displacement
-        goal = tuple(motion.base_positions[-1].tolist())
-        query = Query(goal, 0.2, "base", None, "astar", "zero")
-        plan = Plan(query, World.of(graph), motion, Statistics(length, 1, 1))
-        with pytest.raises(PlanError, match=r"limb 0 is on branch \d and could follow the base on"):
-            Plan.from_dict(as_data(plan), small_map)

@@ -9,7 +9,6 @@ import yaml
 from limb_motions import at_corner, eased
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
@@ -92,31 +91,6 @@ def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
                 position, rotation = grasp(scene, walk, k, limb)
                 np.testing.assert_allclose(position, jem.positions[point], atol=1e-6)
                 np.testing.assert_allclose(rotation[:, 2], -jem.normals[point], atol=1e-6)
-
-
-def test_velocities_keep_a_grasp_where_it_is(scene, walk):
-    """J qdot = 0 at the gripper of a limb that holds.
-
-    Base velocities by differences, the Jacobian from MuJoCo.
-    """
-    model, data = scene
-    for k in range(1505, len(walk.times) - 1, 5003):
-        limb = int(np.flatnonzero(walk.grasps[k] != FREE)[0])
-        grasp(scene, walk, k, limb)
-        turns = Rotation.from_quat(walk.base_quaternions[[k - 1, k + 1]], scalar_first=True)
-        velocity = np.zeros(model.nv)
-        velocity[:3] = (walk.base_positions[k + 1] - walk.base_positions[k - 1]) / 0.02
-        velocity[3:6] = (turns[0].inv() * turns[1]).as_rotvec() / 0.02
-        for i in range(2):
-            for joint in range(6):
-                velocity[model.joint(f"limb{i}/joint{joint + 1}").dofadr[0]] = (
-                    walk.joint_velocities[k, i, joint]
-                )
-        jacobian = np.zeros((6, model.nv))
-        mujoco.mj_jacSite(
-            model, data, jacobian[:3], jacobian[3:], model.site(f"limb{limb}/grasp").id
-        )
-        assert np.abs(jacobian @ velocity).max() < 1e-5
 
 
 def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
