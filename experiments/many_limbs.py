@@ -6,17 +6,14 @@ A task leads from a random state that some step leaves to the base position of a
 away, on the JEM with collisions checked. Each task is planned with two costs for `--seconds`; the
 plans are then executed in MuJoCo at default timing. For some tasks the search proves that no plan
 exists; the others without a plan remain undecided. Other methods get the same tasks with the step
-cost and the same time. `--obstacles` further tasks are planned with the step cost and a box on the
-straight line to the goal, without and with ten occupied points. Writes `many_limbs.json`,
-`many_limbs.md` and `many_limbs.png`; a task takes up to `--seconds` for each of two costs and six
-methods.
+cost and the same time. Writes `many_limbs.json`, `many_limbs.md` and `many_limbs.png`; a task takes
+up to `--seconds` for each of two costs and six methods.
 """
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from many_limbs_methods import METHODS, section, walk_of
@@ -25,7 +22,6 @@ from reports import experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import StanceError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
@@ -34,7 +30,6 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.boxes import Box
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
@@ -42,9 +37,6 @@ NEAREST, FARTHEST = 1.0, 5.0
 
 REPLANNING = 2.0
 """Time limit of a plan around an occupied point [s]."""
-
-WORLDS, OBSTACLE_SECONDS = ("box", "box and ten points"), 2.0
-"""What is in the way of tasks among obstacles, and the time limit of their plans [s]."""
 
 SOONEST_SHOWN, MOST_SHOWN = 0.02, 2.5
 """Shortest time [s] and largest factor that the figure shows."""
@@ -105,65 +97,6 @@ def executed(graph: ImplicitGraph, plan: Plan) -> bool:
     return execute(graph, plan).failure is None
 
 
-class ObstacleTask(NamedTuple):
-    """A task whose start can be held beside a box on the way."""
-
-    start: State
-    goal: Array
-    box: Box
-    points: list[int]
-    """Ten points that may be occupied."""
-
-
-@cache
-def obstacle_tasks(robot: str, count: int) -> list[ObstacleTask]:
-    """Return random tasks among obstacles."""
-    graph, found, seed = stance_graph(robot=robot), list[ObstacleTask](), 0
-    while len(found) < count:
-        rng = np.random.default_rng([seed, graph.limbs, 7])
-        seed += 1
-        start, goal = random_task(graph, rng)
-        here = graph.posture_of(start).base_position[0]
-        centre = here + rng.uniform(0.3, 0.7) * (goal - here) + rng.uniform(-0.3, 0.3, 3)
-        x, y, z = rng.uniform(0.05, 0.15, 3).tolist()
-        points = rng.permutation(len(graph.grasp_map))
-        points = points[~np.isin(points, start.stance)][:10]
-        box = Box("box", "obstacle", tuple(centre.tolist()), (x, y, z))
-        graph.add_obstacles([box])
-        try:
-            graph.state(start.stance)
-        except StanceError:
-            continue
-        finally:
-            graph.remove_obstacles()
-        found.append(ObstacleTask(start, goal, box, points.tolist()))
-    return found
-
-
-@cache
-def warm_up(robot: str) -> None:
-    """Compile, and unpack the table, once for each process."""
-    graph = stance_graph(robot=robot)
-    start, goal = random_task(graph, np.random.default_rng(0))
-    Planner(graph).plan(start.stance, goal.tolist(), "steps", time_limit=OBSTACLE_SECONDS)
-
-
-def among_obstacles(task: int, robot: str, world: str, count: int) -> dict[str, Any]:
-    """Plan one of `count` tasks among obstacles on a new graph."""
-    warm_up(robot)
-    given, graph = obstacle_tasks(robot, count)[task], stance_graph(robot=robot)
-    graph.add_obstacles([given.box])
-    graph.occupy(given.points if world == WORLDS[1] else [])
-    found = Planner(graph).plan(
-        given.start.stance, given.goal.tolist(), "steps", time_limit=OBSTACLE_SECONDS
-    )
-    return {
-        "reason": found.reason,
-        "first": found.improvements[0].time if found.improvements else None,
-        "bound": found.plan.statistics.bound if found.plan else None,
-    }
-
-
 TASKS = (
     "robot | cost | tasks | plans | none exists | undecided | first plan [s] | within 0.5 s | "
     "within 2 s | first over last | bound | the least | within 1.5 | steps | replanned [s] | "
@@ -172,17 +105,11 @@ TASKS = (
 """Head of the table."""
 
 
-def measured(
-    tasks: int, seconds: float, others: int, obstacles: int, workers: int
-) -> dict[str, Any]:
+def measured(tasks: int, seconds: float, others: int, workers: int) -> dict[str, Any]:
     """Return the results of all robots: `others` tasks are for other methods, too."""
     given = {"robot": ROBOTS, "seconds": [seconds], "others": [others]}
     rows = study_rows("many_limbs:task_results", tasks, workers, **given)
     names = ("distance", *COSTS, "methods")
-    among = study_rows(
-        "many_limbs:among_obstacles", obstacles, workers, robot=ROBOTS, world=WORLDS,
-        count=[obstacles],
-    )  # fmt: skip
     return {
         "workers": workers,
         "seconds": seconds,
@@ -194,10 +121,6 @@ def measured(
             ]
             for robot in ROBOTS
         },
-        "obstacles": [
-            {name: row[name] for name in ("robot", "world", "reason", "first", "bound")}
-            for row in among
-        ],
     }
 
 
@@ -229,13 +152,7 @@ tasks whose plan is proved optimal, or within 1.5 times the minimum cost. *Repla
 first plan by the same planner once a point is occupied that the plan grasps half-way, median and \
 95 %.
 
-{table(TASKS, tasks)}
-## Among obstacles
-
-Other tasks with a box on the straight line to the goal, and with ten occupied points too; step \
-cost, {OBSTACLE_SECONDS:g} s of wall time each on idle cores, with code and tables loaded.
-
-{table(AMONG, among_rows(data["obstacles"]))}{section(measured, data["seconds"])}"""
+{table(TASKS, tasks)}{section(measured, data["seconds"])}"""
 
 
 def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
@@ -258,24 +175,6 @@ def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
         "{:.2f}, {:.2f}".format(*np.percentile(again, (50, 95))) if again else "-",
         f"{sum(bool(one['executed']) for one in plans)} of {len(plans)}",
     ]  # fmt: skip
-
-
-AMONG = "robot | in the way | tasks | plans | none exists | undecided | the least | first plan [s]"
-"""Head of the table of tasks among obstacles."""
-
-
-def among_rows(rows: list[dict[str, Any]]) -> list[list[Any]]:
-    """Return the rows of the table of tasks among obstacles."""
-    cells = []
-    for robot, world in dict.fromkeys((row["robot"], row["world"]) for row in rows):
-        some = [row for row in rows if (row["robot"], row["world"]) == (robot, world)]
-        firsts = [row["first"] for row in some if row["first"] is not None]
-        none = sum(row["reason"] in PROVED_IMPOSSIBLE for row in some)
-        cells.append([
-            f"`{robot}`", world, len(some), len(firsts), none, len(some) - len(firsts) - none,
-            sum(row["bound"] == 1.0 for row in some), f"{np.median(firsts):.2f}",
-        ])  # fmt: skip
-    return cells
 
 
 def curves(data: dict[str, Any], path: Path) -> None:
@@ -314,5 +213,5 @@ def curves(data: dict[str, Any], path: Path) -> None:
 if __name__ == "__main__":
     experiment(
         "many_limbs", __doc__, measured, markdown, curves,
-        tasks=20, seconds=10.0, others=20, obstacles=50, workers=1,
+        tasks=20, seconds=10.0, others=20, workers=1,
     )  # fmt: skip
