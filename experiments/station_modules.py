@@ -285,14 +285,14 @@ JOINED = {
 
 
 def flanking(
-    inside: str, outside: str, middle: Array, out: Array, half: float = OPENING
-) -> list[dict[str, Any]]:
+    inside: str, outside: str, middle: Array, out: Array, half: float = OPENING,
+    up: Sequence[float] = (0.0, 0.0, 1.0),
+) -> list[dict[str, Any]]:  # fmt: skip
     """Return the two handrails beside a hatch in the module `inside`, which `out` leads out of.
 
-    They are upright. The opening, of half width `half`, has its middle in the plane of the wall.
+    They lie along `up`. The opening, of half width `half`, has its middle in the plane of the wall.
     """
-    up, found = np.eye(3)[2], []
-    line = np.abs(np.cross(out, up))
+    up, line, found = np.array(up), np.abs(np.cross(out, up)), []
     for sign in (-1, 1):
         long, deep, away, normal = HANDRAIL, RAIL, half + BESIDE, -out
         if inside.startswith("jem"):

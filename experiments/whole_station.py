@@ -6,9 +6,10 @@ Each plan is made by a process of its own without cached tables, see `station_pl
 code and bytecode are compiled before.
 Stations are rows of labs (`station_modules.py`), and the station that ships. The plan of
 two limbs leads from the first to the last module, on the graph of the whole map and in a corridor.
-It has the fewest steps possible on the points that are used, which is proved. Three limbs, and four
-with one folded, go across the station. Writes `whole_station.json`, `whole_station.md` and
-`whole_station.png`; takes half an hour.
+It has the fewest steps possible on the points that are used, which is proved. Three and four limbs
+go from a node into a module like Columbus, through a hatch, four limbs from there through a node
+into a lab, and both across the station, four with one folded. Writes
+`whole_station.json`, `whole_station.md` and `whole_station.png`; takes half an hour.
 """
 
 from __future__ import annotations
@@ -19,14 +20,25 @@ import statistics
 import subprocess
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
-from reports import NOTHING, ROOT, experiment, study_rows, table
-from station_plans import ACROSS, SHORT, TABLE, TO_TENTH
+from reports import NOTHING, ROOT, counted, experiment, study_rows, table
+from station_plans import (
+    ACROSS,
+    BOUNDS,
+    LIMBED,
+    LIMBED_TIME,
+    LIMBED_TOLERANCE,
+    NODES,
+    SHORT,
+    STARTS,
+    TABLE,
+    TO_TENTH,
+)
 
-from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners.corridor import MANY
 
 TIME_LIMIT = 600.0
@@ -77,7 +89,7 @@ def all_measured(most: int) -> dict[str, Any]:
         "whole": [0, *(n for n in labs if n <= MOST_WHOLE)],
         TO_TENTH: [n for n in labs if n > SHORT],
         TABLE: [0],
-    } | {method: [0] for method in ACROSS}
+    } | {method: [0] for method in (BOUNDS, *ACROSS, *LIMBED, *NODES)}
     in_process(0, 2, "corridor")  # compiles
     rows = []
     for method in (method for method, some in todo.items() if some):
@@ -104,6 +116,60 @@ def medians(figures: list[dict[str, Any]]) -> dict[str, Any]:
     return middle | {"walls_s": sorted(run["wall_s"] for run in figures)}
 
 
+def limbed_table(rows: list[dict[str, Any]]) -> str:
+    """Return the table of three and four limbs."""
+    head = (
+        "robot, handrails | points | nodes | how the plans end | steps of plans | "
+        "largest proved bound | the first plan carried out"
+    )
+    limbed = []
+    for row in (row for row in rows if row["method"] in LIMBED):
+        steps, bounds = (
+            zip(*row["steps_and_bounds"], strict=True) if row["steps_and_bounds"] else ((), ())
+        )
+        limbed.append(
+            (
+                row["method"], row["points"], f"{row['nodes']:,}", counted(Counter(row["ends"])),
+                f"{min(steps)} to {max(steps)}" if steps else NOTHING,
+                f"{max(bounds):.2f}" if bounds else NOTHING,
+                {True: "yes", False: "no", None: NOTHING}[row["walked"]],
+            )
+        )  # fmt: skip
+    return table(head, limbed)
+
+
+def nodes_section(rows: list[dict[str, Any]]) -> str:
+    """Return the section on four limbs through a node."""
+    head = (
+        "handrails | points | nodes | how the search ends | steps | bound | search [s] | "
+        "whole process [s] | processor time [s] | memory [GB] | carried out"
+    )
+    shown = [
+        (
+            row["method"].split(", ")[1], row["points"], f"{row['nodes']:,}", row["end"],
+            row["steps"] or NOTHING, f"{row['bound']:.2f}" if row["bound"] else NOTHING,
+            f"{row['search_s']:.1f}", f"{row['wall_s']:.0f}", f"{row['processor_s']:.0f}",
+            f"{row['memory_gb']:.2f}",
+            {True: "yes", False: "no", None: NOTHING}[row["walked"]],
+        )
+        for row in rows
+        if row["method"] in NODES
+    ]  # fmt: skip
+    return f"""## Four limbs through a node
+
+From inside the hatch of a module like Columbus, through a node of the `station` and its hatch at a
+right angle, into the next lab, by the points between, three on each seat track of the lab. The
+table of all nodes on these points is built first, which takes most of the time. The node has
+nothing to hold in deck and overhead between its hatches. Node 2 has hatches there, too (NASA: six
+ports), which the node leaves out. *Around closed hatches*: with four handrails around each of these
+two, of the length and at the distance that are assumed at the others; they are no part of the map
+`station`, through whose nodes no plan of four limbs is known on which all four hold points. The
+other nodes are not tried, and through the hatch of the JEM, on whose side nothing is near it, no
+moves lead on the points that were tried.
+
+{table(head, shown)}"""
+
+
 def across_section(rows: list[dict[str, Any]]) -> str:
     """Return the section on three and four limbs across the station."""
     head = (
@@ -113,12 +179,12 @@ def across_section(rows: list[dict[str, Any]]) -> str:
     shown = []
     for row in (row for row in rows if row["method"] in ACROSS):
         figures = [NOTHING] * 4
-        if row["steps"] is not None:
+        if "steps" in row:
             bounds = (f"{row[name]:.1f}" for name in ("bound", "bound_on_points"))
             figures = [row["steps"], f"{row['base_m']:.1f}", *bounds]
         used = f"{row['wall_s']:.0f}", f"{row['processor_s']:.0f}", f"{row['memory_gb']:.2f}"
         walked = {True: "yes", False: "no", None: NOTHING}[row.get("walked")]
-        shown.append((row["method"], row["points_used"], row["end"], *figures, *used, walked))
+        shown.append((row["method"], row["points"], row["end"], *figures, *used, walked))
     return f"""## Three and four limbs across the station
 
 From a module like Columbus at the first node of the `station` through two labs and the node
@@ -133,10 +199,26 @@ of reach here: postures and steps of three limbs are computed as they are needed
 {table(head, shown)}"""
 
 
+def bounds_section(rows: list[dict[str, Any]]) -> str:
+    """Return the section on lower bounds, if they were measured."""
+    for least in (row for row in rows if row["method"] == BOUNDS):
+        parts = [f"{least[name] / least['whole']:.0%}" for name in ("distance", "free", "moves")]
+        return f"""## How good lower bounds are
+
+Across the `station` the plan on the whole map has {least["whole"]} steps, which is proved to be the
+fewest, and that in the corridor {least["corridor"]}. The distance over the longest displacement of
+a step gives {least["distance"]} ({parts[0]}). The fewest moves over postures without boxes are \
+{least["free"]} ({parts[1]}); over all stances of the map at least {least["moves"]} moves are
+needed, whether or not steps can make them ({parts[2]}). The rest takes checks of steps.
+
+"""
+    return ""
+
+
 def two_limbs_table(rows: list[dict[str, Any]]) -> str:
     """Return the table of two limbs."""
     shown = []
-    two = [row for row in rows if row["method"] not in ACROSS]
+    two = [row for row in rows if row["method"] not in (BOUNDS, *ACROSS, *LIMBED, *NODES)]
     for row in sorted(two, key=lambda row: (row["labs"], row["method"])):
         name = "`station`" if row["station"] else f"row of {row['labs']} labs"
         if "fault" in row:
@@ -188,6 +270,19 @@ Processor time is the sum over threads, with import and reading the map. The lar
 ![Processor time and memory against the number of points](whole_station.png)
 
 {two_limbs_table(data["rows"])}
+{bounds_section(data["rows"])}## Three and four limbs
+
+From {STARTS} random starts before the hatch of the map `hatch`, with all limbs in the alcove, into
+the module, with {LIMBED_TIME:g} s for a search and a goal tolerance of {LIMBED_TOLERANCE} m, over a
+table of all nodes around the hatch. *Search exhausted* proves that no plan exists on these points,
+and a bound of 1.00 that no plan has fewer steps. The handrails beside the hatch belong to the map;
+*without*: the same map, if it had none.
+
+{limbed_table(data["rows"])}
+With the handrails four limbs pass the hatch from some starts; steps do not connect the
+other starts with these.
+
+{nodes_section(data["rows"])}
 {across_section(data["rows"])}
 `experiments/whole_station.py` makes this page.
 """
@@ -195,6 +290,8 @@ Processor time is the sum over threads, with import and reading the map. The lar
 
 def draw(data: dict[str, Any], path: Any) -> None:
     """Draw processor time and memory against the number of points."""
+    from mlivr_gym.pictures.figures import save_figure
+
     figure = Figure(figsize=(8.0, 3.2), layout="constrained")
     for axes, key, label in zip(
         figure.subplots(1, 2),
