@@ -18,7 +18,7 @@ from reports import CORES, case_3, experiment, study_rows, table
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.pictures.load_figure import load_figure
+from mlivr_gym.pictures.simulation_figure import load_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.limits import PACES

@@ -33,7 +33,7 @@ from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.pictures.film import check_film_format, film
-from mlivr_gym.pictures.simulation_figure import simulation_figure
+from mlivr_gym.pictures.simulation_figure import load_figure, simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import Choice, Integer, Tuples
 from mlivr_gym.stances.build import stance_graph
@@ -235,7 +235,6 @@ def _save(execution: Execution, out: Path) -> None:
 
 def _show_load(args: argparse.Namespace, execution: Execution, out: Path) -> None:
     """Print and draw what the station feels of the walk."""
-    from mlivr_gym.pictures.load_figure import load_figure
     from mlivr_gym.simulation.station_load import station_load
 
     load, mass = station_load(execution.recording, args.station_mass), args.station_mass

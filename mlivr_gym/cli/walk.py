@@ -30,7 +30,7 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.closed_loop_film import closed_loop_film
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.pictures.film import check_film_format
-from mlivr_gym.pictures.walk_figure import walk_figure
+from mlivr_gym.pictures.plan_figure import walk_figure
 from mlivr_gym.schema import Choice
 from mlivr_gym.stances.stance_graph import StanceGraph
 

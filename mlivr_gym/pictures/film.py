@@ -55,8 +55,8 @@ AZIMUTH, ELEVATION = 84.0, -8.0
 """Angles of the camera's line of sight [deg]."""
 
 
+# Validators of the arguments of all films.
 FILM: Validators = {**ARGUMENTS, "size": SIZE, "speed": OrNone(SPEED)}
-"""Validators of the arguments of all films."""
 
 
 @checked(

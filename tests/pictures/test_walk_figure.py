@@ -7,11 +7,11 @@ import pytest
 from matplotlib.colors import to_hex
 
 from mlivr_gym import Box
-from mlivr_gym.pictures import walk_figure as module
+from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.map_views import FROM_ABOVE, FROM_THE_SIDE, IN_SPACE
+from mlivr_gym.pictures.plan_figure import BOX_COLOUR, parts_of
 from mlivr_gym.pictures.route import plan_base_path
-from mlivr_gym.pictures.walk_figure import BOX_COLOUR, parts_of
 from mlivr_gym.planners import Planner
 
 BOX = Box.between("cargo", "obstacle", (3.0, -0.2, -0.2), (3.4, 0.2, 0.2))
