@@ -83,45 +83,28 @@ def test_what_is_seen_is_there_and_an_episode_arrives_in_no_less_than_the_fewest
     assert held(env) == env.state.stance
 
 
-def test_what_comes_into_the_path_brings_the_limb_back_and_at_last_occupies_the_point(
-    empty, monkeypatch
+@pytest.mark.parametrize("is_blocked", [False, True])
+def test_an_attempt_in_vain_brings_the_limb_back_and_at_last_occupies_the_point(
+    empty, monkeypatch, is_blocked
 ):
-    monkeypatch.setattr(empty, "camera", DepthCamera(pixels=20, period=0.5))
-    looks = []
-
-    def is_blocked(belief, trajectory, sample):
-        looks.append(sample)
-        return len(looks) in (4, 8)
-
-    monkeypatch.setattr(Belief, "is_blocked", is_blocked)
+    """The point refuses the grasp, or something comes into the path to it."""
+    if is_blocked:
+        late = lambda _, trajectory, sample: sample > 0.3 * len(trajectory.times)  # noqa: E731
+        monkeypatch.setattr(empty, "camera", DepthCamera(pixels=20, period=0.5))
+        monkeypatch.setattr(Belief, "is_blocked", late)
     empty.reset(seed=0, options=TASK)
     action, state = first_action(empty), empty.state
     point = action % len(empty.graph.grasp_map)
+    empty._executor.simulation.refusing = frozenset() if is_blocked else frozenset({point})
     for attempt in range(ATTEMPTS):
         seen, reward, ended, _, info = empty.step(action)
         assert (reward, ended) == (-1.0, False)
-        assert info["path_blocked"]
-        assert not info["grasp_failed"]
-        assert empty.state == state
-        assert held(empty) == state.stance
+        assert (info["grasp_failed"], info["path_blocked"]) == (not is_blocked, is_blocked)
+        assert empty.state.stance == held(empty) == state.stance
         assert seen["occupied"][point] == (attempt == ATTEMPTS - 1)
     assert info["action_mask"][action] == 0
     assert info["base_translation"] > 0.01  # there and back
     assert info["steps"] == ATTEMPTS
-    seen, *_, info = empty.step(first_action(empty))
-    assert not info["path_blocked"]
-
-
-def test_a_grasp_that_is_refused_is_no_end(empty):
-    empty.reset(seed=0, options=TASK)
-    action, stance = first_action(empty), empty.state.stance
-    point = action % len(empty.graph.grasp_map)
-    empty._executor.simulation.refusing = frozenset({point})
-    for _ in range(ATTEMPTS):
-        seen, _, ended, _, info = empty.step(action)
-        assert (ended, info["grasp_failed"], info["path_blocked"]) == (False, True, False)
-        assert held(empty) == stance
-    assert seen["occupied"][point] == 1
     empty.reset(seed=0, options=TASK)
     assert not empty.graph.occupied
 

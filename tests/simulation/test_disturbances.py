@@ -91,7 +91,7 @@ def test_a_grasp_that_misses_is_attempted_again(checked_graph, plan):
     """Without a sensor every attempt misses in the same way, and each is an approach of its own."""
     walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     times = []
-    for attempts in (1, 2, 3):
+    for attempts in (1, 3):
         controller = replace(FEEDFORWARD, attempts=attempts)
         setup = Setup.of(controller=controller, physics={"capture_distance": 1e-9})
         simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
@@ -102,7 +102,7 @@ def test_a_grasp_that_misses_is_attempted_again(checked_graph, plan):
         assert failure.values["distance_m"] > failure.values["allowed_distance_m"] == 1e-9
         times.append(simulation.time)
     approach = (walk.steps[0].phase == 2).sum() * 0.002
-    np.testing.assert_allclose(np.diff(times), 2.0 * approach, atol=0.01)
+    assert times[1] - times[0] == pytest.approx(4.0 * approach, abs=0.02)
 
 
 def test_a_grasp_is_refused_as_often_as_stated_and_approached_again(checked_graph, plan):
@@ -114,13 +114,13 @@ def test_a_grasp_is_refused_as_often_as_stated_and_approached_again(checked_grap
     never = Setup().simulation(checked_graph.grasp_map, plan.world.robot)
     assert not any(never.refuses(k) for k in range(50))
     walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
-    for refused, attempts, failure in ((0, 1, None), (1, 2, None), (2, 2, "refused grasp")):
+    for refused, failure in ((1, None), (2, "refused grasp")):
         simulation = Simulation(checked_graph.grasp_map, plan.world.robot)
         answers = iter([True] * refused + [False] * 3)
         simulation.refuses = lambda _, answers=answers: next(answers)
         done = execute_timed_plan(simulation, walk)
         if failure is None:
-            assert done[0].capture.attempts == attempts
+            assert done[0].capture.attempts == 2
         else:
             assert done[-1].failure.kind == failure
 
