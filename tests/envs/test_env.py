@@ -40,7 +40,6 @@ def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
     ("robot", "collisions", "reward"),
     [
         ("mlivr2", True, "steps"),
-        ("mlivr2", False, "base"),
         ("mlivr3", False, "base"),
         ("mlivr4", False, "steps"),
     ],

@@ -22,31 +22,20 @@ L_C = 15.0
 TURN = st.floats(-1.5 * np.pi, 1.5 * np.pi)
 ANGLES = st.lists(TURN, min_size=6, max_size=6).map(np.array)
 MANY = settings(max_examples=100, deadline=None)
-MOUNT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
-"""Published axes in the mount's: its z axis is that of joint 1, its x axis that of joint 2 at 0."""
-
-
-def published(held, q):
-    """End effector in the limb's mount, its flange's axes, and the Jacobian of all seven joints."""
-    end, jacobian = station_arm.end_of([held, *station_arm.SIGNS * (q - station_arm.ZEROS)])
-    axes = end[:3, :3] @ station_arm.along(station_arm.LINKS[6][0])
-    return MOUNT @ end[:3, 3], MOUNT @ axes, jacobian
 
 
 def flange(limb, q):
-    """Position and axes of the flange in the limb's mount by the limb's own kinematics."""
+    """The flange in the limb's mount by the limb's own kinematics, shape (4, 4)."""
     axes, origin = limb.base_in_mount
-    frame = forward_kinematics(q, limb.lengths, limb.family_code)[6]
-    return origin + axes @ frame[:3, 3], axes @ frame[:3, :3]
+    base = station_arm.transform(axes, origin)
+    return base @ forward_kinematics(q, limb.lengths, limb.family_code)[6]
 
 
 @given(TURN, ANGLES)
 @MANY
 def test_forward_kinematics_of_all_seven_joints_is_that_of_pinocchio(held, q):
-    position, axes, _ = published(held, q)
     ours = flange(replace(LIMB, held_angle=held), q)
-    np.testing.assert_allclose(ours[0], position, atol=1e-12)
-    np.testing.assert_allclose(ours[1], axes, atol=1e-12)
+    np.testing.assert_allclose(ours, station_arm.flange_in_mount(held, q)[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("held", [0.0, 0.5 * np.pi, -1.0])
@@ -61,19 +50,18 @@ def test_the_scene_has_the_links_where_pinocchio_has_the_end_effector(held):
         set_configuration(model, data, np.zeros(3), np.array([1.0, 0, 0, 0]), joints)
         for i, radial in enumerate(([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0])):
             mount = np.column_stack([[0, 0, 1.0], np.cross(radial, [0, 0, 1.0]), radial])
-            position, axes, _ = published(held, joints[i])
-            site = data.site(f"limb{i}/flange")
-            truth = 0.5 * np.array(radial) + mount @ position
-            np.testing.assert_allclose(site.xpos, truth, atol=1e-9)
-            np.testing.assert_allclose(site.xmat.reshape(3, 3), mount @ axes, atol=1e-9)
+            place = station_arm.transform(mount, 0.5 * np.array(radial))
+            truth, site = place @ station_arm.flange_in_mount(held, joints[i])[0], f"limb{i}/flange"
+            np.testing.assert_allclose(data.site(site).xpos, truth[:3, 3], atol=1e-9)
+            np.testing.assert_allclose(data.site(site).xmat, truth[:3, :3].ravel(), atol=1e-9)
 
 
 @given(TURN, ANGLES)
 @MANY
 def test_bounds_of_reach_hold_from_the_mount(held, q):
     limb = replace(LIMB, held_angle=held)
-    (position, _, jacobian), w_m = published(held, q), 0.02
-    distance = np.linalg.norm(position)
+    (frame, jacobian), w_m = station_arm.flange_in_mount(held, q), 0.02
+    distance = np.linalg.norm(frame[:3, 3])
     assert distance <= limb.reach
     if limb_manipulability(jacobian[:, 1:], L_C) >= w_m:
         assert distance <= limb.farthest_flange(L_C, w_m) + 1e-9

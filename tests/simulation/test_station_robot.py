@@ -89,15 +89,12 @@ def test_limbs_hold_their_points_as_the_published_arm_does(graph):
         position, quaternion, joints = graph.configuration(graph.state(stance))
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         for i, point in enumerate(stance):
-            angles = [limb.held_angle, *station_arm.SIGNS * (joints[i] - station_arm.ZEROS)]
-            end, jacobian = station_arm.end_of(angles)
-            radial = np.array([1.0 - 2.0 * i, 0.0, 0.0])
-            up = np.array([0.0, 0.0, 1.0])
-            # Published axes x, y and z of the base: joint 1, its cross product, joint 2 at 0.
-            mount = base @ np.column_stack([radial, np.cross(up, radial), up])
+            end, jacobian = station_arm.flange_in_mount(limb.held_angle, joints[i])
+            radial, up = np.array([1.0 - 2.0 * i, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
+            mount = base @ np.column_stack([up, np.cross(radial, up), radial])
             world = position + base @ (0.5 * radial) + mount @ end[:3, 3]
             np.testing.assert_allclose(world, truss.positions[point], atol=1e-6)
-            np.testing.assert_allclose(mount @ end[:3, 0], -truss.normals[point], atol=1e-6)
+            np.testing.assert_allclose(mount @ end[:3, 2], -truss.normals[point], atol=1e-6)
             w_m = limb_manipulability(jacobian[:, 1:], ROBOT.characteristic_length)
             assert w_m >= graph.limb_threshold - 1e-9
             assert limb_manipulability(jacobian, ROBOT.characteristic_length) >= w_m

@@ -93,6 +93,16 @@ def end_of(angles):
     return flange(MODEL, np.array(angles), "end")
 
 
+MOUNT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+"""Published axes in the mount's: its z axis is that of joint 1, its x axis that of joint 2 at 0."""
+
+
+def flange_in_mount(locked, q):
+    """Flange of the limb in its mount, shape (4, 4), and the Jacobian of all seven joints."""
+    end, jacobian = end_of([locked, *SIGNS * (q - ZEROS)])
+    return transform(MOUNT @ end[:3, :3] @ along(LINKS[6][0]), MOUNT @ end[:3, 3]), jacobian
+
+
 def links(locked, q):
     """Links 0 to 6 of the limb seen from its base, shape (7, 4, 4), by the published model.
 
