@@ -13,12 +13,10 @@ from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.record import ClosedLoopRecord
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
-from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.env import Attempt, MlivrEnv
 from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.reset_options import ResetOptions
-from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.snapshots import motion_of
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task, TaskGenerator
@@ -82,6 +80,8 @@ class ClosedLoopEnv(MlivrEnv):
         The things of the present episode, which policies must not use.
     """
 
+    further_actions = 1
+
     @checked(
         {
             "boxes": Integer(0, MAX_PARTS),
@@ -121,7 +121,6 @@ class ClosedLoopEnv(MlivrEnv):
         self._is_stopped = self._layouts = True
         points, known = len(self.graph.grasp_map), self.observation_space
         assert isinstance(known, spaces.Dict)
-        self.action_space = spaces.Discrete(self.graph.limbs * points + 1)
         cells = Belief(self.graph, 0.0).occupancy().shape
         self.observation_space = spaces.Dict(
             known.spaces
@@ -213,24 +212,11 @@ class ClosedLoopEnv(MlivrEnv):
         episode by a failure or a stop, and a `MlivrError` if sensing fails. The robot then holds
         all its points.
         """
-        belief = self._sensing.belief
-        if self._is_stopped or self._simulation_info.get("failure"):
-            raise gymnasium.error.ResetNeeded("the robot has stopped or failed; call reset()")
-        self._refresh()
-        last = self.graph.limbs * len(self.graph.grasp_map)
-        action = action_number(action, last + 1)
-        self._sensing.refused = None
-        if action < last:
-            return super().step(action)
-        self.steps += 1
-        self._is_stopped = not belief.relax()
-        belief.update_graph(self.state)
-        self._refresh()
-        here, success = self._distance, self._distance <= self.goal_tolerance
-        outcome = StepOutcome(0.0, here, here, success, True, self.graph.max_displacement)
-        self._record_event("stops" if self._is_stopped else "relaxes", None)
-        ended = success or self._is_stopped
-        return self._observation(), float(self.reward(outcome)), ended, False, self._info(False)
+        robot = self._sensing
+        if self._is_stopped:
+            raise gymnasium.error.ResetNeeded("the robot has stopped; call reset()")
+        robot.refused = None
+        return super().step(action)
 
     @checked({"plan": InstanceOf(Plan)})
     def follow(self, plan: Plan) -> None:
@@ -241,8 +227,13 @@ class ClosedLoopEnv(MlivrEnv):
         self._sensing.executor.follow(plan)
 
     def _attempt(self, action: int) -> Attempt:
-        """Attempt a step, and look round where it has led."""
+        """Relax, or attempt a step, and look round where it has led."""
         robot = self._sensing
+        if action == self.graph.limbs * len(self.graph.grasp_map):
+            self._is_stopped = not robot.belief.relax()
+            robot.belief.update_graph(self.state)
+            caption = "stops" if self._is_stopped else "relaxes"
+            return Attempt(self.state, caption=caption, is_end=self._is_stopped)
         limb, point = divmod(action, len(self.graph.grasp_map))
         after, displacement = self._planned_step(action)
         robot.intervals = []
@@ -260,11 +251,6 @@ class ClosedLoopEnv(MlivrEnv):
         recordings = [one.recording for one in robot.intervals]
         motion = motion_of(Recording.join(recordings)) if recordings else None
         return Attempt(robot.executor.state, displacement, robot.refused == "refused", motion)
-
-    def _enter_state(self, state: State) -> None:
-        """Set the present state; relaxing is valid in every state."""
-        super()._enter_state(state)
-        self._mask = np.append(self._mask, True)
 
     def _observation(self) -> Observation:
         """Return the observation of the present state, with what was sensed."""

@@ -56,6 +56,12 @@ class Attempt(NamedTuple):
     """Whether a grasp failed, and the limb is back on the point that it left."""
     simulated: Motion | None = None
     """The motion in simulation."""
+    caption: str | None = None
+    """Text about an action that is no step."""
+    reward: Reward | None = None
+    """Its reward, in place of that of a step."""
+    is_end: bool = False
+    """Whether it ends the episode."""
 
 
 class MlivrEnv(StanceGraphEnv):
@@ -323,7 +329,7 @@ class MlivrEnv(StanceGraphEnv):
             raise gymnasium.error.ResetNeeded(
                 "the last step failed; call reset() to start another episode"
             )
-        action = action_number(action, self.graph.limbs * points)
+        action = action_number(action, len(self._mask))
         valid, before, made = bool(self._mask[action]), self._distance, Attempt(state)
         self.steps += 1
         if valid:
@@ -334,12 +340,14 @@ class MlivrEnv(StanceGraphEnv):
         outcome = StepOutcome(
             made.displacement, before, self._distance, success, valid, self.graph.max_displacement
         )
-        reward, moved = self.reward(outcome), divmod(action, points)
-        caption = action_caption(self.graph, moved, valid, made.grasp_failed)
+        reward, moved = self.reward, divmod(action, points)
+        if made.reward is not None:
+            reward = reward._replace(step_reward=made.reward)
+        caption = made.caption or action_caption(self.graph, moved, valid, made.grasp_failed)
         self._record_event(caption, made.simulated)
-        ended = success or bool(self._simulation_info.get("failure"))
+        ended = success or made.is_end or bool(self._simulation_info.get("failure"))
         info = self._info(not valid, made.grasp_failed)
-        return self._observation(), float(reward), ended, False, info
+        return self._observation(), float(reward(outcome)), ended, False, info
 
     def _begin_simulation(
         self, executor: StepExecutor, task: Task, given: ResetOptions, stream: Stream

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array
@@ -12,40 +12,27 @@ from mlivr_gym.envs.task import TaskGenerator
 from mlivr_gym.envs.tasks import FIXED_NUMBER, fixed_task
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.schema import Anything, Fields, OrNone
+from mlivr_gym.schema import Anything, OrNone, Struct
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.given_points import GOAL, STANCE
-
-RESET_OPTIONS = Fields(
-    {},
-    {
-        "start": OrNone(STANCE),
-        "start_pose": Anything(),
-        "start_joints": Anything(),
-        "goal": OrNone(GOAL),
-        "task": OrNone(FIXED_NUMBER),
-        "plan": OrNone(InstanceOf(Plan)),
-    },
-)
-"""Validator of each option; the stance graph checks a start pose and joint angles."""
 
 
 @dataclass(frozen=True)
 class ResetOptions:
     """Start and goal of an episode as the caller gives them; what is None is drawn."""
 
-    start: Any = None
+    start: Annotated[Any, OrNone(STANCE)] = None
     """Point that each limb holds, N ids or indices."""
-    start_pose: Any = None
+    start_pose: Annotated[Any, Anything()] = None
     """Base pose at the start: x, y, z [m] and quaternion w, x, y, z."""
-    start_joints: Any = None
+    start_joints: Annotated[Any, Anything()] = None
     """Joint angles at the start, shape (N, 6) [rad]."""
-    goal: Any = None
+    goal: Annotated[Any, OrNone(GOAL)] = None
     """Goal position of the base, shape (3,) [m]."""
-    plan: Plan | None = None
+    plan: Annotated[Plan | None, OrNone(InstanceOf(Plan))] = None
     """A plan, from whose start the episode starts."""
-    task: Any = None
+    task: Annotated[Any, OrNone(FIXED_NUMBER)] = None
     """Number of a fixed task, which has both start and goal."""
 
     @classmethod
@@ -89,3 +76,7 @@ class ResetOptions:
         if self.task is not None:
             start, goal = fixed_task(tasks, graph, self.task, tolerance)
         return start, None if goal is None else graph.grasp_map.check_goal(goal)
+
+
+RESET_OPTIONS = Struct.of(ResetOptions).fields
+"""Validator of each option; the stance graph checks a start pose and joint angles."""

@@ -30,6 +30,8 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     """Base class of `MlivrEnv`: the present state, what an agent sees of it, and pictures."""
 
     metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
+    further_actions = 0
+    """Number of actions beside the steps, which are valid in every state."""
     goal: Array
     steps: int
     base_translation: float
@@ -52,7 +54,8 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self.graph, self.goal_tolerance, self.render_mode = graph, goal_tolerance, render_mode
         if render_mode is not None:
             self.metadata = self.metadata | {"render_fps": RENDER_FPS[render_mode]}
-        self.action_space = spaces.Discrete(graph.limbs * len(graph.grasp_map))
+        actions = graph.limbs * len(graph.grasp_map) + self.further_actions
+        self.action_space = spaces.Discrete(actions)
         self.observation_space = observation_space(graph, layouts)
         if isinstance(graph, ImplicitGraph):
             find_table(graph)
@@ -125,6 +128,8 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
         self._state, self._properties = state, self.moves.stance_properties(state)
         self._distance = distance(self._properties.base_position, self.goal.tolist())
         self._mask = self.moves.action_mask(state)
+        if self.further_actions:
+            self._mask = np.append(self._mask, [True] * self.further_actions)
 
     def _planned_step(self, action: int) -> tuple[State, float]:
         """Return the state after a valid action, and the base displacement of its step [m]."""

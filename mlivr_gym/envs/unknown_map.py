@@ -9,17 +9,14 @@ from gymnasium import spaces
 
 from mlivr_gym.arguments import NOT_NEGATIVE, checked
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.envs.actions import action_number
-from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.env import Attempt, MlivrEnv
 from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES, LayoutTasks
 from mlivr_gym.envs.observations import Observation
-from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.task import TaskGenerator
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.kinematics.batches import distances
 from mlivr_gym.schema import FieldPath
-from mlivr_gym.transitions.state import State
 
 PRIOR = sum(OCCUPIED_SHARES) / 2.0
 """Probability that a point is occupied before anything is seen."""
@@ -51,6 +48,8 @@ class UnknownMapEnv(MlivrEnv):
     seen or not, which policies must not use.
     """
 
+    further_actions = 1
+
     @checked({"look_range": NOT_NEGATIVE, "look_cost": NOT_NEGATIVE, "tasks": TASKS})
     def __init__(
         self,
@@ -78,7 +77,6 @@ class UnknownMapEnv(MlivrEnv):
         points = len(self.graph.grasp_map)
         self.seen: BoolArray = np.zeros(points, dtype=np.bool_)
         self.layout = self._known = self.graph.occupied
-        self.action_space = spaces.Discrete(self.graph.limbs * points + 1)
         known: Any = self.observation_space
         self.observation_space = spaces.Dict(known.spaces | {"unknown": spaces.MultiBinary(points)})
 
@@ -100,26 +98,19 @@ class UnknownMapEnv(MlivrEnv):
         self.layout, self.looks = self.graph.occupied, 0
         self.seen[:] = False
         self._see(self.in_sight())
+        self._refresh()
         return self._observation(), self._info(False)
 
-    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Look, or attempt a step; see `MlivrEnv.step`."""
-        self._refresh()
-        points, limbs = len(self.graph.grasp_map), self.graph.limbs
-        action = action_number(action, limbs * points + 1)
-        if action < limbs * points:
-            _, reward, ended, _, info = super().step(action)
-            invalid, failed = info["invalid_action"], info["grasp_failed"]
-            if not invalid:
-                self._see(np.array([action % points]))
-            return self._observation(), reward, ended, False, self._info(invalid, failed)
-        self.steps, self.looks = self.steps + 1, self.looks + 1
-        self._see(self.in_sight())
-        here, success = self._distance, self._distance <= self.goal_tolerance
-        outcome = StepOutcome(0.0, here, here, success, True, self.graph.max_displacement)
-        reward = float(self.reward._replace(step_reward=lambda _: -self.look_cost)(outcome))
-        self._record_event("looks around", None)
-        return self._observation(), reward, success, False, self._info(False)
+    def _attempt(self, action: int) -> Attempt:
+        """Look, or attempt the step of a valid action; a point that was attempted is seen."""
+        points = len(self.graph.grasp_map)
+        if action == self.graph.limbs * points:
+            self.looks += 1
+            self._see(self.in_sight())
+            return Attempt(self.state, caption="looks around", reward=lambda _: -self.look_cost)
+        made = super()._attempt(action)
+        self._see(np.array([action % points]))
+        return made
 
     def _grasp_fails(self, point: int) -> bool:
         """Return whether a point is occupied in the layout."""
@@ -131,23 +122,17 @@ class UnknownMapEnv(MlivrEnv):
         return np.flatnonzero(away <= self.look_range)
 
     def _see(self, points: IntArray) -> None:
-        """Learn which of some points are occupied, and evaluate the present state again."""
+        """Learn which of some points are occupied."""
         self.seen[points] = True
         self.failure_probability = np.where(self.seen, 0.0, PRIOR)
         self._occupy(frozenset(p for p in self.layout if self.seen[p]))
         self._known = self.graph.occupied
-        self._refresh()
 
     def _occupy(self, points: frozenset[int]) -> None:
         """Make exactly these points occupied in the graph."""
         if self.graph.occupied != points:
             self.graph.vacate(sorted(self.graph.occupied - points))
             self.graph.occupy(sorted(points))
-
-    def _enter_state(self, state: State) -> None:
-        """Set the present state; looking is valid in every state."""
-        super()._enter_state(state)
-        self._mask = np.append(self._mask, True)
 
     def _observation(self) -> Observation:
         """Return the observation of the present state, with what is unknown."""
