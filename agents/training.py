@@ -6,7 +6,7 @@ import json
 import platform
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -111,55 +111,27 @@ def train(
         env = MlivrEnv(**(env_arguments | {"precompute": True}))
     elif env.spec is not None:
         env_arguments = env.spec.kwargs
-    stored = None if env_arguments is None else _stored_arguments(env_arguments)
-    request = _TrainingRequest(method, network, seed, stored, hyperparameters, init, command)
+    used = {name: value for name, value in hyperparameters.items() if name != "networks"}
+    if "imitation" in used:
+        used["imitation"] = asdict(ImitationHyperparameters(**used["imitation"]))
+    config = {
+        "network": network,
+        "sizes": dict(hyperparameters["networks"].get(network, {})),
+        "method": method,
+        "seed": seed,
+        "env": None if env_arguments is None else _stored_arguments(env_arguments),
+        "init": None if init is None else Path(init).name,
+        "hyperparameters": used,
+        **made_for(env, network),
+        "version": __version__,
+        "command": command,
+        "versions": {
+            "python": platform.python_version(),
+            **{module.__name__: module.__version__ for module in (torch, np)},
+        },
+    }
     env.table_moves()
-    return _train(request, env, _TrainingReport(progress, logs), out)
-
-
-@dataclass(frozen=True)
-class _TrainingRequest:
-    """The arguments of `train` that define the result."""
-
-    method: str
-    network: str
-    seed: int
-    env_arguments: dict[str, Any] | None
-    hyperparameters: dict[str, Any]
-    init: str | Path | None
-    command: str
-
-    @property
-    def sizes(self) -> dict[str, Any]:
-        """Sizes of the network, as arguments of its class."""
-        return dict(self.hyperparameters["networks"].get(self.network, {}))
-
-    def _complete_hyperparameters(self) -> dict[str, Any]:
-        """Return the hyperparameters without the networks, with all defaults of imitation."""
-        used = {name: value for name, value in self.hyperparameters.items() if name != "networks"}
-        if "imitation" in used:
-            used["imitation"] = asdict(ImitationHyperparameters(**used["imitation"]))
-        return used
-
-    def config(self, env: MlivrEnv, seconds: float) -> dict[str, Any]:
-        """Return the configuration that a checkpoint stores."""
-        return {
-            "network": self.network,
-            "sizes": self.sizes,
-            "method": self.method,
-            "seed": self.seed,
-            "env": self.env_arguments,
-            "init": None if self.init is None else Path(self.init).name,
-            "hyperparameters": self._complete_hyperparameters(),
-            **made_for(env, self.network),
-            "version": __version__,
-            "command": self.command,
-            "seconds": round(seconds, 1),
-            "versions": {
-                "python": platform.python_version(),
-                **{module.__name__: module.__version__ for module in (torch, np)},
-            },
-        }
+    return _train(config, env, init, _TrainingReport(progress, logs), out)
 
 
 class _TrainingReport:
@@ -186,32 +158,36 @@ class _TrainingReport:
 
 
 def _train(
-    request: _TrainingRequest, env: MlivrEnv, report: _TrainingReport, out: str | Path | None
+    config: dict[str, Any],
+    env: MlivrEnv,
+    init: str | Path | None,
+    report: _TrainingReport,
+    out: str | Path | None,
 ) -> LearnedPolicy:
     """Train, and write the checkpoint; on an interruption too, if anything was learned."""
-    began = time.perf_counter()
-    torch.manual_seed(request.seed)
-    actor_critic = make_actor_critic(env, request.network, request.sizes)
-    if request.init is not None:
-        first = load_policy(request.init, env)
+    began, network, sizes = time.perf_counter(), config["network"], config["sizes"]
+    torch.manual_seed(config["seed"])
+    actor_critic = make_actor_critic(env, network, sizes)
+    if init is not None:
+        first = load_policy(init, env)
         try:
             actor_critic.load_state_dict(first.actor_critic.state_dict())
         except RuntimeError:
             raise SettingError(
-                f"init {str(request.init)!r} has network {first.network!r} with sizes "
-                f"{first.config['sizes']}, and this training has network {request.network!r} with "
-                f"sizes {request.sizes}; train with network and sizes of the checkpoint"
+                f"init {str(init)!r} has network {first.network!r} with sizes "
+                f"{first.config['sizes']}, and this training has network {network!r} with "
+                f"sizes {sizes}; train with network and sizes of the checkpoint"
             ) from None
     interrupted = False
     try:
-        if "imitation" in request.hyperparameters:
-            _run_imitation(request, env, actor_critic, report)
-        if "ppo" in request.hyperparameters:
-            _run_ppo(request, env, actor_critic, report)
+        if "imitation" in config["hyperparameters"]:
+            _run_imitation(config, env, actor_critic, report)
+        if "ppo" in config["hyperparameters"]:
+            _run_ppo(config, env, actor_critic, report)
     except KeyboardInterrupt:
         interrupted = True
     report.close()
-    config = request.config(env, time.perf_counter() - began)
+    config["seconds"] = round(time.perf_counter() - began, 1)
     if interrupted:
         config["interrupted"] = True
     actor_critic.set_training_mode(False)
@@ -221,27 +197,27 @@ def _train(
         outcome = f"{Path(out).with_suffix('.pt')} and .json hold what was learned so far"
     if interrupted:
         raise KeyboardInterrupt(f"training interrupted after {config['seconds']:.0f} s: {outcome}")
-    return LearnedPolicy(actor_critic, request.network, config)
+    return LearnedPolicy(actor_critic, network, config)
 
 
 def _run_imitation(
-    request: _TrainingRequest, env: MlivrEnv, actor_critic: Any, report: _TrainingReport
+    config: dict[str, Any], env: MlivrEnv, actor_critic: Any, report: _TrainingReport
 ) -> None:
     """Train an actor-critic in place by imitation of the expert."""
-    given = ImitationHyperparameters(**request.hyperparameters["imitation"])
-    plain = request.network == "mlp"
-    imitation = Imitation(env, actor_critic, plain, given, request.seed, held_out_goals())
+    given = ImitationHyperparameters(**config["hyperparameters"]["imitation"])
+    plain = config["network"] == "mlp"
+    imitation = Imitation(env, actor_critic, plain, given, config["seed"], held_out_goals())
     imitation.run(partial(report, "imitation"))
 
 
 def _run_ppo(
-    request: _TrainingRequest, env: MlivrEnv, actor_critic: Any, report: _TrainingReport
+    config: dict[str, Any], env: MlivrEnv, actor_critic: Any, report: _TrainingReport
 ) -> None:
     """Train an actor-critic in place by PPO; its weights are updated on an interruption too."""
     from sb3_contrib import MaskablePPO
     from stable_baselines3.common.callbacks import BaseCallback
 
-    given, plain = request.hyperparameters, request.network == "mlp"
+    given, plain = config["hyperparameters"], config["network"] == "mlp"
     total = int(given["timesteps"])
 
     class Rollouts(BaseCallback):
@@ -254,10 +230,10 @@ def _run_ppo(
             report("ppo", min(self.num_timesteps, total), total, figures)
 
     model = MaskablePPO(
-        actor_critic_class(request.network),
+        actor_critic_class(config["network"]),
         TableVecEnv(env, given["n_envs"], "plain" if plain else "points"),
-        policy_kwargs=request.sizes,
-        seed=request.seed,
+        policy_kwargs=config["sizes"],
+        seed=config["seed"],
         device="cpu",
         **given["ppo"],
     )
