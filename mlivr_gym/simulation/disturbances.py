@@ -15,7 +15,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Annotated, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.schema import Tuples
@@ -161,11 +160,6 @@ class Disturbance:
             grasp = model.actuator_group == limb + 1
             model.actuator_biasprm[grasp] *= factor
         mujoco.mj_setConst(model, mujoco.MjData(model))
-
-    @property
-    def turned(self) -> Rotation:
-        """Rotation of each point relative to the map."""
-        return Rotation.from_rotvec(self.point_turns)
 
 
 def robot_body_ids(model: mujoco.MjModel) -> IntArray:

@@ -198,10 +198,8 @@ def execute(
 class TimedPlan(NamedTuple):
     """A plan with a time scaling: everything that the simulation needs."""
 
-    start: tuple[Array, Array, Array]
-    """Base position [m], base quaternion w, x, y, z and joint angles (N, 6) [rad] at the start."""
-    points: tuple[int, ...]
-    """Index of the point that each limb holds at the start."""
+    plan: Plan
+    """The plan."""
     steps: tuple[Trajectory, ...]
     """Trajectory of each step on the time grid of the simulation."""
 
@@ -219,14 +217,14 @@ def timed_plan(
     steps = (
         step_trajectory(graph, plan, index, timing, period) for index in range(len(plan.steps))
     )
-    return TimedPlan(plan.configuration(0), graph.indices(plan.stances[0]), tuple(steps))
+    return TimedPlan(plan, tuple(steps))
 
 
 def execute_timed_plan(
     simulation: Simulation, timed: TimedPlan, progress: Callable[[int], None] | None = None
 ) -> list[SimulatedInterval]:
     """Execute a plan up to its end or first failure; return each step and the rest at the end."""
-    simulation.reset(*timed.start, timed.points)
+    simulation.reset(*timed.plan.configuration(0), timed.steps[0].grasps[0].tolist())
     done: list[SimulatedInterval] = []
     for index, trajectory in enumerate(timed.steps):
         done.append(simulation.execute(trajectory, index))

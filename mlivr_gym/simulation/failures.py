@@ -11,7 +11,6 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.instruments import Measurements
 from mlivr_gym.simulation.recording import Failure, Recording
 from mlivr_gym.world.boxes import BOX
@@ -96,31 +95,6 @@ class FailureMonitor:
                 "outside its limits"
             )
             yield k, "joint limit", limb, message, {"joint": joint + 1.0, "angle_rad": angle}
-
-
-def grasp_failure(
-    physics: Physics, limb: int, name: str, error: tuple[float, float], refused: bool
-) -> tuple[str, str, dict[str, float]] | None:
-    """Return kind, message and values of the failure of a grasp, or None if it succeeds.
-
-    `name` is the id of the point, `error` distance [m] and angle [rad] between gripper and point;
-    nothing can be grasped at a point that is `refused`.
-    """
-    distance, angle = error
-    values = {
-        "distance_m": distance, "allowed_distance_m": physics.capture_distance,
-        "angle_rad": angle, "allowed_angle_rad": physics.capture_angle,
-    }  # fmt: skip
-    if not can_capture(physics, distance, angle):
-        message = (
-            f"limb {limb} missed point {name!r} by {1e3 * distance:.1f} mm "
-            f"and {np.rad2deg(angle):.2f} deg; it grasps within "
-            f"{1e3 * physics.capture_distance:g} mm and {np.rad2deg(physics.capture_angle):g} deg"
-        )
-        return "missed grasp", message, values
-    if refused:
-        return "refused grasp", f"limb {limb} reached point {name!r}, which refused it", values
-    return None
 
 
 def with_contact_names(failure: Failure, model: mujoco.MjModel, data: mujoco.MjData) -> Failure:

@@ -18,6 +18,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.dynamics import Physics, gripper_bit
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.inverse_dynamics import gripper_jacobian
 from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -57,7 +58,7 @@ class Grippers:
 
     def reset(self) -> None:
         """Release all points, and displace each by the disturbance."""
-        self._turns: Array = self._disturbance.turned.as_matrix()
+        self._turns: Array = Rotation.from_rotvec(self._disturbance.point_turns).as_matrix()
         self._positions: Array = self._map.positions + self._disturbance.point_offsets
         self._model.geom_contype[:] = self._contype
         for limb in range(len(self.points)):
@@ -75,9 +76,7 @@ class Grippers:
 
     def jacobian(self, limb: int) -> Array:
         """Return the Jacobian of a gripper by base and joints, world axes, shape (6, 6 + 6 N)."""
-        both = np.zeros((6, self._model.nv))
-        mujoco.mj_jacSite(self._model, self._data, both[:3], both[3:], self._sites[limb])
-        return both
+        return gripper_jacobian(self._model, self._data, limb)
 
     def relative_speed(self, limb: int, joint_speeds: Array) -> tuple[float, float]:
         """Return linear [m/s] and angular speed [rad/s] of a gripper while the others stand still.

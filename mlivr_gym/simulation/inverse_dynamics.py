@@ -80,6 +80,13 @@ def compute_inverse_dynamics(
     )
 
 
+def gripper_jacobian(model: mujoco.MjModel, data: mujoco.MjData, limb: int) -> Array:
+    """Return the Jacobian of a gripper by base and joints, world axes, shape (6, 6 + 6 N)."""
+    both = np.empty((6, model.nv))
+    mujoco.mj_jacSite(model, data, both[:3], both[3:], model.site(f"limb{limb}/grasp").id)
+    return both
+
+
 def inverse_inertia(
     robot: RobotSpec, holding: Sequence[int], joints: Array, at_grasps: Array
 ) -> Array:
@@ -90,14 +97,13 @@ def inverse_inertia(
     [kg m^2], shape (6,). Joint angles have shape (6 N,) [rad].
     """
     model = robot_model(robot)
-    data, jacobian = mujoco.MjData(model), np.empty((len(holding), 6, model.nv))
+    data = mujoco.MjData(model)
     data.qpos[7:] = joints
     mujoco.mj_forward(model, data)
     inverse = np.empty((model.nv, model.nv))
     mujoco.mj_solveM(model, data, inverse, np.eye(model.nv))
-    for rows, limb in zip(jacobian, holding, strict=True):
-        mujoco.mj_jacSite(model, data, rows[:3], rows[3:], model.site(f"limb{limb}/grasp").id)
-    stacked = jacobian.reshape(-1, model.nv)
+    jacobians = [gripper_jacobian(model, data, limb) for limb in holding]
+    stacked = np.array(jacobians).reshape(-1, model.nv)
     by_wrench = inverse @ stacked.T
     compliance = stacked @ by_wrench + np.diag(np.tile(1.0 / at_grasps, len(holding)))
     inverse -= by_wrench @ np.linalg.solve(compliance, by_wrench.T)
@@ -111,16 +117,14 @@ def compatible_motions(robot: RobotSpec, holding: Sequence[int], joints: Array) 
     `holding` has one limb or more, and joint angles have shape (6 N,) [rad].
     """
     model = robot_model(robot)
-    data, jacobian = mujoco.MjData(model), np.empty((6, model.nv))
+    data = mujoco.MjData(model)
     data.qpos[7:] = joints
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     by_base = np.zeros((len(joints), 6))
     free = np.ones(len(joints))
     for limb in holding:
-        of_limb = slice(6 * limb, 6 * limb + 6)
-        site = model.site(f"limb{limb}/grasp").id
-        mujoco.mj_jacSite(model, data, jacobian[:3], jacobian[3:], site)
+        jacobian, of_limb = gripper_jacobian(model, data, limb), slice(6 * limb, 6 * limb + 6)
         by_base[of_limb] = -np.linalg.solve(jacobian[:, 6:][:, of_limb], jacobian[:, :6])
         free[of_limb] = 0.0
     basis, _ = np.linalg.qr(by_base)

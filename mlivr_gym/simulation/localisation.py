@@ -17,7 +17,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import Grippers, displacement
-from mlivr_gym.simulation.inverse_dynamics import robot_model
+from mlivr_gym.simulation.inverse_dynamics import gripper_jacobian, robot_model
 
 ENCODER_ERROR = float(np.deg2rad(0.5))
 """Standard deviation of the error of an encoder that is assumed before any measurement [rad]."""
@@ -107,6 +107,4 @@ class Localisation:
 
     def _jacobian(self, data: mujoco.MjData, limb: int) -> Array:
         """Return the Jacobian of a gripper by the joints of its limb, world axes, (6, 6)."""
-        both = np.zeros((6, self._model.nv))
-        mujoco.mj_jacSite(self._model, data, both[:3], both[3:], self._sites[limb])
-        return both[:, 6 + 6 * limb : 12 + 6 * limb]
+        return gripper_jacobian(self._model, data, limb)[:, 6 + 6 * limb : 12 + 6 * limb]

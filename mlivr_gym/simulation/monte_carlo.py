@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 from scipy.stats import binomtest
@@ -13,13 +15,11 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.engines import executor_of
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Integer, ListOf, OrNone
 from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
 
@@ -53,18 +53,6 @@ class RunOutcome(NamedTuple):
     """Largest torque of a joint [N m]."""
     base_error: float
     """Largest distance between the base and its trajectory [m]."""
-
-
-class _Work(NamedTuple):
-    """One plan to be executed with several seeds."""
-
-    plan: int
-    timed: TimedPlan
-    grasp_map: GraspMap
-    robot: RobotSpec
-    obstacles: tuple[Box, ...]
-    setup: Setup
-    seeds: tuple[int, ...]
 
 
 @checked(
@@ -132,42 +120,34 @@ def execute_many(
     2
     """
     setup, count = setup or Setup(), workers or os.cpu_count() or 1
-    works = (
-        _Work(
-            number,
-            timed_plan(graph, plan, setup.timing, setup.physics.timestep),
-            graph.grasp_map,
-            plan.world.robot,
-            plan.world.obstacles,
-            setup,
-            tuple(seed + number * samples + k for k in range(samples)),
-        )
-        for number, plan in enumerate(plans)
-    )
+    run = partial(_outcomes, graph.grasp_map, setup, (seed, samples))
+    period = setup.physics.timestep
+    works = enumerate(timed_plan(graph, plan, setup.timing, period) for plan in plans)
     if count == 1:
-        for work in works:
-            yield from _outcomes(work)
+        yield from chain.from_iterable(map(run, works))
         return
     with executor_of("local", count) as executor:
-        for outcomes in executor.map(_outcomes, works):
-            yield from outcomes
+        yield from chain.from_iterable(executor.map(run, works))
 
 
-def _outcomes(work: _Work) -> list[RunOutcome]:
-    """Return the outcomes of one plan with several seeds."""
+def _outcomes(
+    grasp_map: GraspMap, setup: Setup, seeds: tuple[int, int], work: tuple[int, TimedPlan]
+) -> list[RunOutcome]:
+    """Return the outcomes of one plan; `seeds` are the first of all, and the number for a plan."""
+    (number, timed), (first, samples), world = work, seeds, work[1].plan.world
     outcomes = []
-    for seed in work.seeds:
-        simulation = work.setup.simulation(work.grasp_map, work.robot, work.obstacles, seed)
-        done = execute_timed_plan(simulation, work.timed)
+    for seed in range(first + number * samples, first + (number + 1) * samples):
+        simulation = setup.simulation(grasp_map, world.robot, world.obstacles, seed)
+        done = execute_timed_plan(simulation, timed)
         peaks, failure = Peaks.join([step.peaks for step in done]), done[-1].failure
         captures = [step.capture for step in done if step.capture is not None]
         outcomes.append(
             RunOutcome(
-                plan=work.plan,
+                plan=number,
                 seed=seed,
                 failure=None if failure is None else failure.kind,
                 message=None if failure is None else failure.message,
-                steps=len(work.timed.steps),
+                steps=len(timed.steps),
                 done=len(captures),
                 attempts=max((capture.attempts for capture in captures), default=0),
                 time=simulation.time,

@@ -56,10 +56,9 @@ class SegmentDynamics(NamedTuple):
     """The limb that moves."""
     sigmas: Array
     """Path parameter of the segment, shape (K,)."""
-    torques: Array
-    """Joint torques by sigma'' and by sigma'^2, shape (K, 2, 6 N)."""
-    wrenches: Array
-    """Forces, then torques of the grasps, by sigma'' and by sigma'^2, shape (K, 2, 2 n, 3)."""
+    load_rates: Array
+    """Joint torques, each as the first component of a vector, then forces, then torques of the
+    grasps, by sigma'' and by sigma'^2, shape (K, 2, 6 N + 2 n, 3)."""
     speeds: Array
     """Velocities of the joints, then of the gripper on departure or approach, by sigma', (K, 6 N +
     1)."""
@@ -67,31 +66,21 @@ class SegmentDynamics(NamedTuple):
     def loads(self, scaling: PPoly) -> tuple[Array, Array]:
         """Return loads and speeds at `TIME_SAMPLES` times of a time scaling.
 
-        Magnitudes of joint torques, grasp forces and grasp torques, shape (TIME_SAMPLES, 6 N + 2
-        n), and of velocities, shape (TIME_SAMPLES, 6 N + 1), are in units of their limits.
+        In units of their limits, loads are magnitudes of joint torques, grasp forces and grasp
+        torques, shape (TIME_SAMPLES, 6 N + 2 n), and speeds have shape (TIME_SAMPLES, 6 N + 1).
         """
         times = np.linspace(0.0, scaling.x[-1], TIME_SAMPLES)
-        sigma, rate, change = (scaling(times, order) for order in range(3))
-        count = len(self.sigmas)
-        both = np.concatenate(
-            [self.torques.reshape(count, -1), self.wrenches.reshape(count, -1), self.speeds], axis=1
-        )
-        coefficients = CubicSpline(self.sigmas, both)(np.clip(sigma, 0.0, 1.0))
-        joint_count, grasp_count = self.torques.shape[2], self.wrenches.shape[2]
-        torques, wrenches, speeds = np.split(
-            coefficients, [2 * joint_count, 2 * joint_count + 6 * grasp_count], axis=1
-        )
-        factors = np.stack([change, rate**2], axis=1)
-        torque = (factors[:, :, None] * torques.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
-        wrench = (factors[:, :, None] * wrenches.reshape(TIME_SAMPLES, 2, -1)).sum(axis=1)
-        magnitudes = np.linalg.norm(wrench.reshape(TIME_SAMPLES, grasp_count, 3), axis=2)
-        return np.column_stack([np.abs(torque), magnitudes]), np.abs(rate[:, None] * speeds)
+        sigma, rate, change = (scaling(times, order)[:, None] for order in range(3))
+        at = np.clip(sigma[:, 0], 0.0, 1.0)
+        by_change, by_square = CubicSpline(self.sigmas, self.load_rates)(at).swapaxes(0, 1)
+        loads = change[..., None] * by_change + (rate**2)[..., None] * by_square
+        speeds = np.abs(rate * CubicSpline(self.sigmas, self.speeds)(at))
+        return np.linalg.norm(loads, axis=2), speeds
 
     def binding(self, scaling: PPoly) -> Binding:
         """Return the shortest duration of a time scaling of this shape, and its limit."""
-        loads, speeds = self.loads(scaling)
-        joint_count, duration = self.torques.shape[2], float(scaling.x[-1])
-        load, speed = loads.max(axis=0), speeds.max(axis=0)
+        load, speed = (each.max(axis=0) for each in self.loads(scaling))
+        duration, joint_count = float(scaling.x[-1]), self.speeds.shape[1] - 1
         heaviest, fastest = int(np.argmax(load)), int(np.argmax(speed))
         if speed[fastest] > np.sqrt(load[heaviest]):
             limb, joint = divmod(fastest, 6)
@@ -124,14 +113,18 @@ def segment_dynamics(
     dynamics_of = compute_inverse_dynamics(
         robot, holding, positions, np.stack([at_rest, first]), np.stack([first, second])
     )
-    torque = limits.torque * robot.torque_limits.reshape(-1)
     speed = limits.speed * robot.speed_limits.reshape(-1)
-    torques = dynamics_of.torques.swapaxes(0, 1).reshape(count, 2, -1) / torque
-    wrenches = dynamics_of.wrenches.swapaxes(0, 1)
-    forces = np.concatenate(
-        [wrenches[..., :3] / limits.grasp_force, wrenches[..., 3:] / limits.grasp_torque], axis=2
+    torques = dynamics_of.torques / (limits.torque * robot.torque_limits)
+    forces, moments = np.split(dynamics_of.wrenches, [3], axis=-1)
+    loads = np.concatenate(
+        [
+            torques.reshape(2, count, -1, 1) * [1.0, 0.0, 0.0],
+            forces / limits.grasp_force,
+            moments / limits.grasp_torque,
+        ],
+        axis=2,
     )
     # During departure and approach the gripper moves along the surface normal by the lift.
     normal_rate = robot.lift / limits.surface_speed if PHASES[segment.phase] != "swing" else 0.0
     speeds = np.column_stack([first[:, 6:] / speed, np.full(count, normal_rate)])
-    return SegmentDynamics(holding, regrasp.limb, sigmas, torques, forces, speeds)
+    return SegmentDynamics(holding, regrasp.limb, sigmas, loads.swapaxes(0, 1), speeds)

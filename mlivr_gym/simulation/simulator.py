@@ -10,7 +10,6 @@ import numpy as np
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
-from mlivr_gym.simulation.failures import grasp_failure
 from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.joint_controller import Reference
 from mlivr_gym.simulation.recording import Capture, Failure
@@ -225,9 +224,21 @@ class Simulation(SimulatedRobot):
 
     def _grasp_failure(self, limb: int, point: int, refused: bool) -> Failure | None:
         """Return why a gripper cannot grasp a point, or None if it can."""
-        error, name = self.grasp_error(limb, point), self.grasp_map.ids[point]
-        found = grasp_failure(self.physics, limb, name, error, refused)
-        if found is None:
+        (distance, angle), physics = self.grasp_error(limb, point), self.physics
+        name, kind = self.grasp_map.ids[point], "refused grasp"
+        message = f"limb {limb} reached point {name!r}, which refused it"
+        if not can_capture(physics, distance, angle):
+            kind = "missed grasp"
+            message = (
+                f"limb {limb} missed point {name!r} by {1e3 * distance:.1f} mm "
+                f"and {np.rad2deg(angle):.2f} deg; it grasps within "
+                f"{1e3 * physics.capture_distance:g} mm and "
+                f"{np.rad2deg(physics.capture_angle):g} deg"
+            )
+        elif not refused:
             return None
-        kind, message, values = found
+        values = {
+            "distance_m": distance, "allowed_distance_m": physics.capture_distance,
+            "angle_rad": angle, "allowed_angle_rad": physics.capture_angle,
+        }  # fmt: skip
         return Failure(kind, self.time, self._plan_step, PHASES[-1], limb, message, values)

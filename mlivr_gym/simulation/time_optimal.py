@@ -36,22 +36,13 @@ def time_optimal_scaling(dynamics: SegmentDynamics, rise_time: float) -> PPoly:
     return stretch(scaling, dynamics.binding(scaling).duration / duration_of(scaling))
 
 
-def _squared_loads(dynamics: SegmentDynamics) -> SquaredLoads:
-    """Return the squared loads of a segment."""
-    u, v = (
-        np.concatenate(
-            [dynamics.torques[:, k, :, None] * [1.0, 0.0, 0.0], dynamics.wrenches[:, k]], 1
-        )
-        for k in (0, 1)
-    )
-    return SquaredLoads((u * u).sum(axis=2), (u * v).sum(axis=2), (v * v).sum(axis=2))
-
-
 def time_optimal_squared_rates(dynamics: SegmentDynamics) -> Array:
     """Return the largest b = sigma'^2 at each node of a segment, zero at both ends, shape (K,)."""
     squares: Array = 1.0 / np.maximum((dynamics.speeds**2).max(axis=1), TINY)
     squares[0] = squares[-1] = 0.0
-    reduce_squares(_squared_loads(dynamics), RATIOS, dynamics.sigmas, squares)
+    u, v = dynamics.load_rates.swapaxes(0, 1)
+    loads = SquaredLoads(*((one * other).sum(axis=2) for one, other in ((u, u), (u, v), (v, v))))
+    reduce_squares(loads, RATIOS, dynamics.sigmas, squares)
     return squares
 
 
