@@ -16,8 +16,7 @@ import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.closed_loop.cautions import CAUTIONS, Caution
-from mlivr_gym.closed_loop.hit_cubes import CUBE, SENSED, HitCubes
+from mlivr_gym.closed_loop.hit_cubes import CAUTIONS, CUBE, SENSED, Caution, HitCubes
 from mlivr_gym.closed_loop.known_boxes import HITS, NOISE, ROUNDING, KnownBoxes, mark_around
 from mlivr_gym.closed_loop.path_check import PathCheck, robot_axes, robot_radii
 from mlivr_gym.collisions.contacts import Configuration, checked_configuration
@@ -82,17 +81,8 @@ class Belief:
     def __init__(self, graph: StanceGraph, noise: float) -> None:
         """Believe in the map and the obstacles of a graph.
 
-        Parameters
-        ----------
-        graph
-            The stance graph.
-        noise
-            Standard deviation of a measured distance [m].
-
-        Raises
-        ------
-        SettingError
-            If the noise is no number from 0 to 1 m.
+        `noise` is the standard deviation of a measured distance [m]. Raises a `SettingError` if it
+        is no number from 0 to 1 m.
         """
         self.graph, self.refused, self.avoided = graph, set[int](), set[int]()
         self._has_reconsidered = False
@@ -158,22 +148,14 @@ class Belief:
         New obstacles are more than `APART` cubes away from all that were seen before. The graph is
         as before until `update_graph`.
 
-        Parameters
-        ----------
-        hits
-            Measured positions of surfaces in the module frame [m], shape (k, 3).
-        present
-            The present configuration of the robot.
-        origins
-            Where the rays began [m], shape (k, 3). An obstacle of the graph, but not of the map,
-            which enough rays have passed through, see `KnownBoxes`, is gone, and so is what was
-            sensed, see `HitCubes`; the rays of a camera follow each other. By default none goes.
+        The hits are measured positions of surfaces in the module frame [m], shape (k, 3), and
+        `present` is the present configuration of the robot. With the origins of the rays [m], shape
+        (k, 3), an obstacle of the graph, but not of the map, which enough rays have passed through,
+        see `KnownBoxes`, is gone, and so is what was sensed, see `HitCubes`; the rays of a camera
+        follow each other. By default none goes.
 
-        Raises
-        ------
-        SettingError
-            If the hits are not all finite positions, there are not as many origins, or the
-            configuration is not one of the robot. Nothing is taken in then.
+        Raises a `SettingError` if the hits are not all finite positions, there are not as many
+        origins, or the configuration is not one of the robot. Nothing is taken in then.
         """
         present = checked_configuration(self.graph.robot, present)
         if origins is not None:

@@ -40,13 +40,8 @@ class _Forecast(NamedTuple):
 class Course:
     """The plan that a robot follows, and how many of its steps were taken.
 
-    Attributes
-    ----------
-    plan
-        The plan, as it is possible in what was believed when the robot last planned; None if there
-        is none.
-    taken
-        Number of its steps that were taken since.
+    `plan` is as it is possible in what was believed when the robot last planned, None if there is
+    none; `taken` is the number of its steps that were taken since.
     """
 
     def __init__(

@@ -99,18 +99,10 @@ class CrewMember(ParameterSet):
 def distance_from_crew(
     axes: Array, radii: Array, crew: Sequence[CrewMember], times: Array
 ) -> Array:
-    """Return the distance of a robot from the closest crew member at k times, shape (k,) [m].
+    """Return the distance of a robot from the closest crew member at k times [s], shape (k,) [m].
 
-    Parameters
-    ----------
-    axes
-        Ends of the axes of the robot's c capsules at each time [m], shape (k, c, 2, 3).
-    radii
-        Their radii [m], shape (c,).
-    crew
-        The crew members.
-    times
-        The times [s], shape (k,).
+    The ends of the axes of the robot's c capsules have shape (k, c, 2, 3) [m], their radii (c,)
+    [m].
     """
     closest = np.full(len(times), np.inf)
     for member in crew:
@@ -125,10 +117,7 @@ def distance_from_crew(
 def segment_distances(first: Array, second: Array) -> Array:
     """Return the distances of segments (Ericson, Real-Time Collision Detection, 2005, 5.1.9).
 
-    Parameters
-    ----------
-    first, second
-        Ends of segments, shapes (..., 2, 3) that can be broadcast [m].
+    Their ends have shapes (..., 2, 3) that can be broadcast [m].
     """
     p, q = first[..., 0, :], second[..., 0, :]
     u, v = first[..., 1, :] - p, second[..., 1, :] - q

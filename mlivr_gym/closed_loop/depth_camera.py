@@ -111,27 +111,9 @@ class DepthCamera(ParameterSet):
     ) -> Look:
         """Return the hits: the surface points that the cameras measure around a simulated robot.
 
-        Parameters
-        ----------
-        model, data
-            The simulation.
-        robot
-            The robot.
-        rng
-            Random numbers for the noise.
-        pixels
-            Which pixels of each image are read out, by default all.
-
-        Returns
-        -------
-        Look
-            The hits, and from where they were seen; a ray that hits nothing within the range gives
-            none.
-
-        Raises
-        ------
-        SettingError
-            If an argument is of another type.
+        A ray that hits nothing within the range gives none. The generator makes the noise;
+        `pixels` are those of each image that are read out, by default all. Raises a `SettingError`
+        if an argument is of another type.
         """
         of_robot, looks = np.isin(model.geom_bodyid, robot_body_ids(model)), []
         for position, image in self._images(model, data, robot):

@@ -153,19 +153,11 @@ class Evasion:
     def escape(
         self, rest: Rest, now: float, margins: tuple[float, float], most: int | None = None
     ) -> EscapePath:
-        """Search for a way to a stance in which the robot can stay.
+        """Search for a way to a stance in which the robot can stay, from where it is at a time [s].
 
-        Parameters
-        ----------
-        rest
-            Where the robot is.
-        now
-            The present time [s].
-        margins
-            Distance to be kept [m], and time by which each step may last longer than its
-            trajectory [s].
-        most
-            Maximum number of steps with a trajectory, by default `MOST_TRIED`.
+        The margins are the distance to be kept [m], and the time by which each step may last longer
+        than its trajectory [s]; `most` is the maximum number of steps with a trajectory, by default
+        `MOST_TRIED`.
         """
         (kept, _), most = margins, MOST_TRIED if most is None else most
         until, number, tried = self._safe_until(rest, now, kept), count(), 0

@@ -9,13 +9,13 @@ the hits are on a convex surface, and on another one rays beside it hit the cube
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 from scipy.special import ndtri
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.closed_loop.cautions import Caution
 from mlivr_gym.closed_loop.known_boxes import EXPLAINED_DEVIATIONS, mark_around
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.mesh_boxes import merged_cells
@@ -54,15 +54,34 @@ _CUBES = np.dtype(
 )
 
 
+class Caution(NamedTuple):
+    """How large sensed boxes are, and how much evidence they need."""
+
+    margin: float
+    """Distance by which a box extends beyond the hits in its cubes [m]."""
+    hits: int
+    """Number of hits that make a cube an obstacle; beside such a cube one hit is enough."""
+    is_denoised: bool = False
+    """Whether what the noise adds to the extent of the hits is taken away, see `Belief`."""
+    is_merged: bool = True
+    """Whether cubes are merged into boxes, which fill narrow gaps, or each is a box of its own."""
+
+
+CAUTIONS = (
+    Caution(0.01, 2),
+    Caution(0.001, 2),
+    Caution(0.001, 2, is_denoised=True),
+    Caution(0.001, 3, is_denoised=True),
+    Caution(0.001, 3, is_denoised=True, is_merged=False),
+)
+"""The first holds as long as there is a plan; then the robot has to be less cautious."""
+
+
 class HitCubes:
     """The cubes with hits.
 
-    Attributes
-    ----------
-    rows
-        Records of the cubes, shape (n,). Those that were freed have no hits.
-    is_solid
-        Which of them are obstacles, shape (n,).
+    `rows` are records of the n cubes, of which those that were freed have no hits; `is_solid` says
+    which of them are obstacles.
     """
 
     def __init__(self, origin: Array, shape: tuple[int, ...], noise: float) -> None:
@@ -117,13 +136,9 @@ class HitCubes:
     def see_through(self, hits: Array, origins: Array) -> int:
         """Free the cubes that were looked through often enough; return how many obstacles.
 
-        Call it after `count` with the hits of the same look: cubes that were hit begin anew.
-
-        Parameters
-        ----------
-        hits, origins
-            Where the rays of a look end and begin, shape (k, 3) each [m]; those of a camera begin
-            at the same place and follow each other.
+        Call it after `count` with the hits of the same look: cubes that were hit begin anew. Rays
+        end at hits and begin at origins [m], shape (k, 3) each; those of a camera begin at the same
+        place and follow each other.
         """
         rows = np.flatnonzero(self.rows["count"])
         if not len(rows) or not len(hits):

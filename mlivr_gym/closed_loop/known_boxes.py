@@ -69,16 +69,9 @@ def passes_through(box: Box, hits: Array, origins: Array, noise: float) -> BoolA
     """Return which rays pass through a box, at least `INSIDE` below its faces, shape (k,).
 
     A ray that ends in the box, or within the noise behind it, does not. Through a box that is thin
-    along one axis a ray passes from face to face, if it ends at least `INSIDE` behind it.
-
-    Parameters
-    ----------
-    box
-        The box.
-    hits, origins
-        Where the rays end and begin in the module frame [m], shape (k, 3) each.
-    noise
-        Standard deviation of a measured distance [m].
+    along one axis a ray passes from face to face, if it ends at least `INSIDE` behind it. Rays end
+    at hits and begin at origins in the module frame [m], shape (k, 3) each; the noise is the
+    standard deviation of a measured distance [m].
     """
     rotation, half = np.array(box.rotation), np.array(box.half) - INSIDE
     found, is_thin = np.zeros(len(hits), dtype=np.bool_), half <= 0.0

@@ -32,16 +32,8 @@ LARGEST_DEVIATION = 0.05
 class PathCheck:
     """The configurations of a trajectory, with bounds of each shape, to be compared with boxes.
 
-    Attributes
-    ----------
-    trajectory
-        The trajectory.
-    times
-        Times of the configurations, from 0, shape (n,) [s].
-    axes
-        Ends of the axes of the robot's capsules in each of them, see `robot_axes`.
-    radii
-        Their radii, see `robot_radii`.
+    `times` are those of the n configurations, from 0, shape (n,) [s]. In each of them `axes` has
+    the ends of the axes of the robot's capsules, see `robot_axes`, and `radii` has their radii.
     """
 
     def __init__(self, graph: StanceGraph, shapes: LimbShapes, trajectory: Trajectory) -> None:
@@ -104,14 +96,7 @@ class PathCheck:
     def will_touch(self, boxes: Sequence[Box], first: int, present: Configuration) -> bool:
         """Return whether the robot soon touches a box if it stays as far from the trajectory.
 
-        Parameters
-        ----------
-        boxes
-            The boxes.
-        first
-            The present sample of the trajectory.
-        present
-            The configuration in which the robot is in its place.
+        It is in its `present` configuration, in place of that of the sample `first`.
         """
         at, (position, quaternion, joints) = self.trajectory.at(np.array([first])), present
         shift, bend = position - at.base_positions[0], joints - at.joint_positions[0]

@@ -99,19 +99,8 @@ MESSAGE = FieldPath("message", SettingError)
 def point_cloud_message(points: Array, time: float, frame: str = FRAME) -> dict[str, Any]:
     """Return points as `sensor_msgs/msg/PointCloud2` with the fields x, y and z in float32.
 
-    Parameters
-    ----------
-    points
-        Positions in the frame [m], shape (k, 3).
-    time
-        Time of the measurement [s].
-    frame
-        Name of the frame.
-
-    Raises
-    ------
-    SettingError
-        If an argument is invalid; points, for example, that are not finite.
+    The points are positions in a frame of some name [m], shape (k, 3), measured at a time [s].
+    Raises a `SettingError` if an argument is invalid; points, for example, that are not finite.
     """
     return {
         "header": message_header(time, frame), "height": 1, "width": len(points),

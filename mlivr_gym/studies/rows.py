@@ -76,11 +76,10 @@ def rows_of(design: StudyDesign, block: RunBlock) -> list[Row]:
     Among plans of equal cost a planner may find another one where it knows more steps from earlier
     queries. So each block has a graph of its own: its rows do not depend on who computes it.
     """
-    run = (
-        function_run(design.kind, block.levels)
-        if is_function(design.kind)
-        else _named_run(design, block)
-    )
+    if is_function(design.kind):
+        run = function_run(design.kind, block.levels)
+    else:
+        run = partial(RUNS[design.kind], _World(design, block.levels))
     blank: Row = dict.fromkeys(columns_of(design.kind))
     rows: list[Row] = [
         blank | block.levels | {"run": block.first_run + k, "task": task, "error": ""}
@@ -106,11 +105,6 @@ def function_run(kind: str, levels: dict[str, Any]) -> Callable[[int], Row]:
             f"kind is {kind!r}, but there is no such function: {error}; Python must find its module"
         ) from None
     return partial(function, **levels)
-
-
-def _named_run(design: StudyDesign, block: RunBlock) -> Callable[[int], Row]:
-    """Return what a run of a kind that has a name does."""
-    return partial(RUNS[design.kind], _World(design, block.levels))
 
 
 class _World:
@@ -173,11 +167,6 @@ def _planned(world: _World, task: int) -> tuple[StanceGraph, PlanningResult, Row
     return graph, found, row
 
 
-def _plan_row(world: _World, task: int) -> Row:
-    """Plan a task."""
-    return _planned(world, task)[2]
-
-
 def _simulate_row(world: _World, task: int) -> Row:
     """Plan a task, and execute the plan in MuJoCo."""
     from mlivr_gym.simulation.monte_carlo import execute_many  # these load GL
@@ -226,7 +215,7 @@ def _build_row(world: _World, task: int) -> Row:
 
 
 RUNS: dict[str, Callable[[_World, int], Row]] = {
-    "plan": _plan_row,
+    "plan": lambda world, task: _planned(world, task)[2],
     "simulate": _simulate_row,
     "evaluate": _evaluate_row,
     "build": _build_row,

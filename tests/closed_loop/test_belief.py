@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.hit_cubes import CUBE, outermost
+from mlivr_gym.closed_loop.hit_cubes import CAUTIONS, CUBE, outermost
 from mlivr_gym.closed_loop.path_check import HORIZON
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.course import PATIENCE, Course
+from mlivr_gym.closed_loop.hit_cubes import CAUTIONS
 from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)

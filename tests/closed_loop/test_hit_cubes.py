@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.closed_loop.cautions import CAUTIONS
-from mlivr_gym.closed_loop.hit_cubes import CUBE, FREEING_LOOKS, HitCubes
+from mlivr_gym.closed_loop.hit_cubes import CAUTIONS, CUBE, FREEING_LOOKS, HitCubes
 
 NOISE = 0.003
 ORIGIN, SHAPE = np.full(3, -1.5), (60, 60, 60)

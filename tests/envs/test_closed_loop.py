@@ -8,9 +8,8 @@ from loop_walks import GOAL, START
 from mlivr_gym import Box, MlivrError
 from mlivr_gym.agents import EvaluationTask, ReplanningPolicy, evaluate
 from mlivr_gym.closed_loop.belief import CELL, GRID_BORDER, Belief
-from mlivr_gym.closed_loop.cautions import CAUTIONS
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.hit_cubes import CUBE
+from mlivr_gym.closed_loop.hit_cubes import CAUTIONS, CUBE
 from mlivr_gym.closed_loop.sensing_robot import ATTEMPTS
 from mlivr_gym.envs.closed_loop import ClosedLoopEnv
 from mlivr_gym.envs.env import MlivrEnv
