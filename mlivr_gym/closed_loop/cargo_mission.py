@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import tee
 from typing import NamedTuple
 
 import numpy as np
@@ -197,25 +198,19 @@ def plan_cargo_mission(
     for point, handle in zip((pick, stow), handles, strict=True):
         _check_place(graph, point, _bag(handle, cargo))
     bag, others = _bag(handles[0], cargo), graph.obstacles
-    found, reasons, walks = list[CargoMission](), dict[str, list[str]](), list[Plan]()
+    found, reasons = list[CargoMission](), dict[str, list[str]]()
     graph.add_obstacles([bag])
     try:
         search = partial(Planner(graph).plan, start, cost=cost, limit=LIMIT)
         position = graph.posture(graph.indices(start)).base_position[0]
         around = _goals(graph.grasp_map, graph.robot, handles[0], (position, cargo))
-        more = (plan for goal in around if (plan := search(goal).plan) is not None)
-
-        def walks_to_bag() -> Iterator[Plan]:
-            yield from walks
-            for walk in more:
-                walks.append(walk)
-                yield walk
-
+        found_walks: Iterator[Plan] = (
+            plan for goal in around if (plan := search(goal).plan) is not None
+        )
         for limb in range(graph.robot.limbs) if limbs is None else limbs:
+            found_walks, walks = tee(found_walks)  # each is searched for once
             try:
-                found.append(
-                    _with_limb(graph, limb, (walks_to_bag(), others), handles, cargo, cost)
-                )
+                found.append(_with_limb(graph, limb, (walks, others), handles, cargo, cost))
             except (NoPlanError, RobotError) as error:
                 reasons.setdefault(str(error), []).append(f"limb {limb}")
     finally:
