@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import Reader
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.robots import OF_ROBOT, cargo_of, chosen_robot, failed_joint_of
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
@@ -229,11 +230,12 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
 
 def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
-    graph = stance_graph(chosen_map(args), chosen_robot(args), chosen_settings(args))
-    if "box" in args:
-        boxes, occupied = chosen_obstacles(args)
-        graph.add_obstacles(boxes)
-        graph.occupy(occupied)
+    with Progress("building the stance graph", quiet=args.quiet):
+        graph = stance_graph(chosen_map(args), chosen_robot(args), chosen_settings(args))
+        if "box" in args:
+            boxes, occupied = chosen_obstacles(args)
+            graph.add_obstacles(boxes)
+            graph.occupy(occupied)
     return graph
 
 

@@ -55,8 +55,16 @@ def run(args: argparse.Namespace) -> None:
         total = episodes if isinstance(episodes, int) else len(episodes)
         with Progress(args.policy, total, args.quiet) as progress:
             results.append(evaluate(env, policy, episodes, args.seed, progress=progress.show))
-    args.result |= {"policy": args.policy} | summary_of(results)
-    _report(args.policy, args.result)
+    means = summary_of(results)
+    args.result |= {"policy": args.policy} | means
+    print(f"{args.policy}: {means['successes']} of {means['episodes']} episodes reach the goal")
+    if means["successes"]:
+        print(
+            f"  means over these: {means['mean_steps']:.2f} steps, "
+            f"{means['mean_base_translation']:.3f} m of base translation"
+        )
+    first = 1e3 * means["mean_first_action_time"]
+    print(f"  first action after {first:.1f} ms on average, environment and policy together")
 
 
 def _worlds(args: argparse.Namespace) -> list[tuple[dict[str, Any], Any]]:
@@ -83,15 +91,3 @@ def summary_of(results: list[Evaluation]) -> dict[str, Any]:
         "mean_base_translation": float(metres.mean()) if len(metres) else None,
         "mean_first_action_time": float(first.mean()),
     }
-
-
-def _report(name: str, means: dict[str, Any]) -> None:
-    """Print success, steps, base translation and the time of the first action."""
-    print(f"{name}: {means['successes']} of {means['episodes']} episodes reach the goal")
-    if means["successes"]:
-        print(
-            f"  means over these: {means['mean_steps']:.2f} steps, "
-            f"{means['mean_base_translation']:.3f} m of base translation"
-        )
-    first = 1e3 * means["mean_first_action_time"]
-    print(f"  first action after {first:.1f} ms on average, environment and policy together")

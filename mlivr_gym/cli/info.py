@@ -32,8 +32,8 @@ def run(args: argparse.Namespace) -> None:
 
     Told are numbers of points, stances and steps, and why pairs of points are not stances.
     """
-    with Progress("building the stance graph", quiet=args.quiet):
-        graph = chosen_graph(args)
+    graph = chosen_graph(args)
+    with Progress("counting stances and steps", quiet=args.quiet):
         summary = summary_of(graph)
     critical = critical_parts(graph, args.quiet) if args.critical else {}
     args.result |= summary | critical

@@ -71,8 +71,7 @@ def run(args: argparse.Namespace) -> None:
     if args.corridor:
         graph, result = find_plan_in_corridor(args)
     else:
-        with Progress("building the stance graph", quiet=args.quiet):
-            graph = whole = chosen_graph(args)
+        graph = whole = chosen_graph(args)
         result = find_plan(whole, args)
     plan = result.unwrap()
     if args.refined:

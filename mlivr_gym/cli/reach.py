@@ -38,8 +38,7 @@ def run(args: argparse.Namespace) -> None:
     """Count after how many steps at least each point can be grasped from a start stance."""
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(*pictures, inputs=input_files(args))
-    with Progress("building the stance graph", quiet=args.quiet):
-        graph = chosen_graph(args)
+    graph = chosen_graph(args)
     args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
     start = chosen_task(graph, args)[0]
     expanded = "states expanded"

@@ -63,8 +63,7 @@ def run(args: argparse.Namespace) -> None:
         drawn = _plan_shots(grasp_map, plan, args.stance)
         held = plan.configuration(args.stance or 0), plan.stances[args.stance or 0]
     else:
-        with Progress("building the stance graph", quiet=args.quiet):
-            graph = chosen_graph(args)
+        graph = chosen_graph(args)
         grasp_map, robot, obstacles = graph.grasp_map, graph.robot, graph.obstacles
         args.goal, args.tolerance = (0.0, 0.0, 0.0), 0.2
         start = chosen_task(graph, args)[0] if args.start is None else args.start

@@ -28,8 +28,6 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Integer
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.viewer.frames import load_recording, plan_frames
 from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
@@ -65,8 +63,7 @@ def run(args: argparse.Namespace) -> int:
     require("viser", "trimesh", extra="viewer")
     _check(args)
     check_outputs(args.out, inputs=input_files(args))
-    with Progress("building the stance graph and planning", quiet=args.quiet):
-        live, recording = _live_plan(args)
+    live, recording = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
         from mlivr_gym.viewer.export import write_html
@@ -102,7 +99,10 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
         file = args.plan[0] if args.plan else folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
         recording = load_recording(folder / FILES[1], plan) if args.execution else None
-        graph = graph_of_plan(plan, args)
+        with Progress("building the stance graph", quiet=args.quiet):
+            graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
+            graph.add_obstacles(plan.world.obstacles)
+            graph.occupy(plan.world.occupied)
         return LivePlan(graph, LiveQuery.of_plan(graph, plan), plan), recording
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
@@ -112,16 +112,9 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
         cost, price = best.cost, best.price
     query = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
     live = LivePlan(graph, query)
-    live.replan()
+    with Progress("planning", quiet=args.quiet):
+        live.replan()
     return live, None
-
-
-def graph_of_plan(plan: Plan, args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
-    """Build the stance graph of a plan with its obstacles and occupied points."""
-    graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
-    graph.add_obstacles(plan.world.obstacles)
-    graph.occupy(plan.world.occupied)
-    return graph
 
 
 def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None) -> int:

@@ -23,7 +23,6 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import check_outputs, input_files
-from mlivr_gym.cli.progress import Progress
 from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.files import write_whole
@@ -82,9 +81,8 @@ def run(args: argparse.Namespace) -> int:
         check_film_format(args.film)
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(args.out, args.film, *pictures, inputs=input_files(args))
-    with Progress("building the stance graph", quiet=args.quiet):
-        graph = chosen_graph(args)
-        start, goal = chosen_task(graph, args)
+    graph = chosen_graph(args)
+    start, goal = chosen_task(graph, args)
     unknown, gone = numbered_boxes("unknown", args.unknown), numbered_boxes("gone", args.gone)
     graph.add_obstacles(gone)
     crew = [CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew]

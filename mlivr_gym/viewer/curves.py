@@ -96,24 +96,17 @@ def recorded(recording: Recording) -> dict[str, Plot]:
 
 
 def with_cursor(plot: Plot, now: float) -> tuple[Array, list[Array]]:
-    """Return the times and curves of a plot, with a vertical line at a time [s] as last curve.
+    """Return times and curves of a plot, at most `MAX_TIMES`, with a line at a time [s] as last.
 
-    The line is a curve with two values at the same time, at which all curves are interpolated.
+    The vertical line is a curve with two values at this time, at which all curves are interpolated.
     """
-    values = np.stack([curve for _, _, curve in plot.curves])
-    at = int(np.searchsorted(plot.times, now))
-    between = [np.interp(now, plot.times, curve) for curve in values]
+    count = len(plot.times)
+    chosen = np.linspace(0, count - 1, min(count, MAX_TIMES)).round().astype(np.int64)
+    times, values = plot.times[chosen], np.stack([curve[chosen] for _, _, curve in plot.curves])
+    at = int(np.searchsorted(times, now))
+    between = [np.interp(now, times, curve) for curve in values]
     here = np.repeat(np.array(between)[:, None], 2, axis=1)
-    line = np.full(len(plot.times) + 2, np.nan)
+    line = np.full(len(times) + 2, np.nan)
     line[at : at + 2] = 0.0, plot.highest
-    times = np.insert(plot.times, at, [now, now])
+    times = np.insert(times, at, [now, now])
     return times, [*np.insert(values, [at, at], here, axis=1), line]
-
-
-def thinned(plot: Plot) -> Plot:
-    """Return a plot with at most `MAX_TIMES` of its times."""
-    if len(plot.times) <= MAX_TIMES:
-        return plot
-    chosen = np.linspace(0, len(plot.times) - 1, MAX_TIMES).round().astype(np.int64)
-    curves = tuple((label, colour, curve[chosen]) for label, colour, curve in plot.curves)
-    return plot._replace(times=plot.times[chosen], curves=curves)

@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
-from mlivr_gym.viewer.curves import Plot, margins, recorded, thinned, with_cursor
+from mlivr_gym.viewer.curves import Plot, margins, recorded, with_cursor
 from mlivr_gym.viewer.drawing import OVERLAID, SECOND_OFFSET, SEPARATE
 from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
@@ -159,7 +159,7 @@ class Viewer:
             plots["margins"] = margins(self.frames, plan)
         if self.recording is not None:
             plots |= recorded(self.recording)
-        self._plots = {name: thinned(plot) for name, plot in plots.items() if plot.curves}
+        self._plots = {name: plot for name, plot in plots.items() if plot.curves}
         for name in PLOTS:
             plot = self._plots.get(name)
             if plot is None:
@@ -298,26 +298,21 @@ class Viewer:
 
     def hide_walls_from(self, eye: Array) -> None:
         """Hide the walls, if that is chosen, that a camera at `eye` [m] sees from behind."""
-        self._eye = eye
+        self._eye, grasp_map = eye, self.live.graph.grasp_map
         if not self._lock.acquire(blocking=False):
             return  # busy; the next movement of the camera calls this again
         try:
-            self._show_faces(eye)
+            hidden, below = set[str](), set[str]()
+            if self.walls_hidden:
+                hidden = drawing.hidden_faces(grasp_map, eye)
+                below = drawing.hidden_faces(grasp_map, eye - SECOND_OFFSET)
+            with self.page.server.atomic():
+                for face in drawing.points_by_face(grasp_map):
+                    self.page.show(f"module/{face}", face not in hidden)
+                    self.page.show(f"points/{face}", face not in hidden)
+                    self.page.show(f"second/module/{face}", face not in below)
         finally:
             self._lock.release()
-
-    def _show_faces(self, eye: Array) -> None:
-        """Show or hide the walls and points of each face."""
-        grasp_map = self.live.graph.grasp_map
-        hidden, below = set[str](), set[str]()
-        if self.walls_hidden:
-            hidden = drawing.hidden_faces(grasp_map, eye)
-            below = drawing.hidden_faces(grasp_map, eye - SECOND_OFFSET)
-        with self.page.server.atomic():
-            for face in drawing.points_by_face(grasp_map):
-                self.page.show(f"module/{face}", face not in hidden)
-                self.page.show(f"points/{face}", face not in hidden)
-                self.page.show(f"second/module/{face}", face not in below)
 
     def set_walls_hidden(self, hidden: bool) -> None:
         """Choose whether walls between the camera and the inside are hidden."""
