@@ -6,6 +6,7 @@ import pytest
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner, searches
 from mlivr_gym.planners.level_search import LevelSearch
+from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.transitions.state import State
 
@@ -79,3 +80,35 @@ def test_limits_of_expansions_and_time_end_it(lazy):
         found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)
         assert found.reason == "limit reached"
     assert Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05)
+
+
+@pytest.mark.parametrize("blocked", [False, True])
+def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, lazy, full, blocked):
+    if blocked:
+        full = stance_graph(tracks)
+        for graph in (lazy, full):
+            graph.add_obstacles([BOX])
+            graph.occupy([tracks.ids[4], tracks.ids[20]])
+        fill_rows(full)
+    assert full.is_complete
+    assert not lazy.is_complete
+    rng, lengths, checked = np.random.default_rng(1), [], []
+    for _ in range(25):
+        start = random_state(full, rng)
+        if start.pose is None and rng.integers(2):  # a limb that held keeps some branches only
+            left = full.successors(start)
+            start = left.after(start, int(rng.integers(len(left.limb))))
+        goal = np.clip(full.base_position[rng.integers(len(full))], *tracks.cabin)
+        before = int(lazy.steps.edges["known"].sum())
+        found, truth = (
+            Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05) for graph in (lazy, full)
+        )
+        assert bool(found) == bool(truth), (start, goal)
+        assert found.reason == truth.reason
+        checked.append(int(lazy.steps.edges["known"].sum()) - before)
+        if found:
+            lengths.append(len(found.plan.steps))
+            assert found.plan.cost == truth.plan.cost
+            assert found.plan.statistics.bound == 1.0
+    assert max(lengths) > 3
+    assert sum(checked) < 0.5 * full.steps.edges["known"].sum()

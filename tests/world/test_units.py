@@ -142,3 +142,17 @@ def test_another_unit_is_refused(unit, tmp_path):
     ):
         with pytest.raises(MapError, match=r"unit is .*; valid choices are 'm', 'mm'"):
             make()
+
+
+def test_arrays_are_taken_too():
+    data = wall([0, 876, 0], [0, 900, 0], unit="mm")
+    for point in data["points"]:
+        point["position"] = np.array(point["position"])
+    np.testing.assert_allclose(GraspMap.from_dict(data).positions[:, 1], [0.876, 0.9])
+
+
+def test_what_is_no_length_is_named_as_it_was_given():
+    with pytest.raises(MapError, match=r"^points\[0\]\.position is \[0\.0, 'x', 1\.0\]"):
+        GraspMap.from_dict(wall([0, "x", 1000], unit="mm"))
+    with pytest.raises(MapError, match=r"^points is 3; it must be a list"):
+        GraspMap.from_dict({"points": 3, "unit": "mm"})
