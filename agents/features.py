@@ -24,6 +24,7 @@ from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.world.grasp_map import GraspMap
 
 Features = dict[str, NDArray[np.float32]]
 """Observations of the pointer policy by name, as `point_features` returns them."""
@@ -43,19 +44,6 @@ ACTION_ARRIVALS = slice(ACTION_DISTANCES.stop, LIMB_FEATURES)
 
 MAX_GOAL_DISTANCE = 10.0
 """Lookahead distance where no stance can be held, and the largest one otherwise [m]."""
-
-
-class MapPoints(NamedTuple):
-    """The m points of a map."""
-
-    positions: Array
-    """Positions [m], shape (m, 3)."""
-    normals: Array
-    """Surface normals, shape (m, 3)."""
-    free: BoolArray
-    """Whether each point may be grasped, shape (m,), or (k, m) if it differs between k states."""
-    failure_probability: Array
-    """Probability that an attempt to grasp each point fails, shape (m,)."""
 
 
 class StateBatch(NamedTuple):
@@ -88,8 +76,13 @@ class GoalBatch(NamedTuple):
     """Result of `point_lookahead`, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH)."""
 
 
-def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> Features:
+def point_features(
+    grasp_map: GraspMap, free: BoolArray, risk: Array, states: StateBatch, goals: GoalBatch
+) -> Features:
     """Return the features of k states with N limbs on m points, all in the frame of the base.
+
+    `free` says whether each point may be grasped, shape (m,), or (k, m) if it differs between the
+    states; `risk` is the probability that an attempt to grasp it fails, shape (m,).
 
     `points` (k, m, 8): position, normal, whether the point is free, failure probability. `limbs`
     (k, N, m, 8 + 4 DEPTH), of the action of each limb and point: whether the limb holds the point,
@@ -99,11 +92,11 @@ def point_features(points: MapPoints, states: StateBatch, goals: GoalBatch) -> F
     """
     base, rotation, valid = states.base, states.rotation, states.valid
     k, limbs = states.stance.shape
-    m = len(points.positions)
+    m = len(grasp_map)
     point_part = np.empty((k, m, POINT_FEATURES), dtype=np.float32)
-    point_part[:, :, :3] = np.matmul(points.positions[None] - base[:, None], rotation)
-    point_part[:, :, 3:6] = np.matmul(points.normals[None], rotation)
-    point_part[:, :, 6], point_part[:, :, 7] = points.free, points.failure_probability
+    point_part[:, :, :3] = np.matmul(grasp_map.positions[None] - base[:, None], rotation)
+    point_part[:, :, 3:6] = np.matmul(grasp_map.normals[None], rotation)
+    point_part[:, :, 6], point_part[:, :, 7] = free, risk
     limb_part = np.zeros((k, limbs, m, LIMB_FEATURES), dtype=np.float32)
     limb_part[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
     limb_part[..., 1] = valid
@@ -192,9 +185,9 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     free[list(graph.occupied)] = False
     stance = np.array([state.stance for state in states])
     return point_features(
-        MapPoints(
-            graph.grasp_map.positions, graph.grasp_map.normals, free, env.failure_probability
-        ),
+        graph.grasp_map,
+        free,
+        env.failure_probability,
         StateBatch(base, rotation, stance, valid, after, releasable_after, lookahead),
         GoalBatch(np.tile(env.goal, (k, 1)), env.goal_tolerance, of_points[None]),
     )
@@ -277,13 +270,8 @@ class TableFeatures:
             releasable_after.view(np.bool_),
             of_actions,
         )
-        return point_features(
-            MapPoints(
-                self.grasp_map.positions, self.grasp_map.normals, free, self.failure_probability
-            ),
-            states,
-            GoalBatch(goals, self.tolerance, lookahead),
-        )
+        here = GoalBatch(goals, self.tolerance, lookahead)
+        return point_features(self.grasp_map, free, self.failure_probability, states, here)
 
 
 class PointObservation(

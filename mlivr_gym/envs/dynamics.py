@@ -5,17 +5,13 @@ MuJoCo's part is imported only if it is used.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import FieldPath
-from mlivr_gym.stances.stance_graph import StanceGraph
-
-if TYPE_CHECKING:
-    from mlivr_gym.simulation.step_executor import StepExecutor
 
 DYNAMICS = ("kinematic", "mujoco")
 """Names of the dynamics."""
@@ -47,14 +43,3 @@ def simulation_part(given: Any, path: FieldPath) -> Any:
 
         Setup.of(**{path.path: given})
     return given
-
-
-def step_executor(graph: StanceGraph, **parts: Any) -> StepExecutor:
-    """Return the object that executes steps in MuJoCo, by parts of a `Setup`, see `Setup.of`.
-
-    Raises a `MlivrError` that names a part that cannot be used.
-    """
-    from mlivr_gym.simulation.setup import Setup
-    from mlivr_gym.simulation.step_executor import StepExecutor
-
-    return StepExecutor(graph, Setup.of(**parts))

@@ -17,7 +17,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.arguments import ENV_ARGUMENTS
 from mlivr_gym.envs.batch import draw_task_with_tables
-from mlivr_gym.envs.dynamics import check_dynamics, step_executor
+from mlivr_gym.envs.dynamics import check_dynamics
 from mlivr_gym.envs.grasp_failure import failure_probabilities, state_after_failure
 from mlivr_gym.envs.layout_tasks import LayoutTasks, fewest_steps
 from mlivr_gym.envs.observations import Observation
@@ -270,8 +270,11 @@ class MlivrEnv(StanceGraphEnv):
         super().__init__(graph, goal_tolerance, render_mode, (width, height), layouts)
         self._executor: StepExecutor | None = None
         if dynamics == "mujoco":
-            parts = {"limits": limits, "controller": controller, "physics": physics}
-            self._executor = step_executor(graph, **parts, disturbances=disturbances)
+            from mlivr_gym.simulation.setup import Setup
+            from mlivr_gym.simulation.step_executor import StepExecutor
+
+            setup = Setup.of(limits, controller, physics, disturbances)
+            self._executor = StepExecutor(graph, setup)
         points = len(graph.grasp_map)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         if precompute or layouts:
