@@ -65,24 +65,14 @@ class StateBatch(NamedTuple):
     """Result of `action_lookahead` for each valid action, shape (k, N, m, 2 DEPTH + 2)."""
 
 
-class GoalBatch(NamedTuple):
-    """Goals of k states."""
-
-    goal: Array
-    """Goal positions [m], shape (k, 3)."""
-    tolerance: float
-    """Radius of the goal region [m]."""
-    lookahead: Array
-    """Result of `point_lookahead`, shape (k, N, m, 2 DEPTH), or (1, N, m, 2 DEPTH)."""
-
-
 def point_features(
-    grasp_map: GraspMap, free: BoolArray, risk: Array, states: StateBatch, goals: GoalBatch
+    grasp_map: GraspMap, risk: Array, states: StateBatch, goals: LookaheadGoals
 ) -> Features:
     """Return the features of k states with N limbs on m points, all in the frame of the base.
 
-    `free` says whether each point may be grasped, shape (m,), or (k, m) if it differs between the
-    states; `risk` is the probability that an attempt to grasp it fails, shape (m,).
+    `risk` is the probability that an attempt to grasp each point fails, shape (m,). What the goals
+    say of points may be the same for all states: whether they are free, shape (m,), and the
+    lookahead, (1, N, m, 2 DEPTH).
 
     `points` (k, m, 8): position, normal, whether the point is free, failure probability. `limbs`
     (k, N, m, 8 + 4 DEPTH), of the action of each limb and point: whether the limb holds the point,
@@ -96,7 +86,7 @@ def point_features(
     point_part = np.empty((k, m, POINT_FEATURES), dtype=np.float32)
     point_part[:, :, :3] = np.matmul(grasp_map.positions[None] - base[:, None], rotation)
     point_part[:, :, 3:6] = np.matmul(grasp_map.normals[None], rotation)
-    point_part[:, :, 6], point_part[:, :, 7] = free, risk
+    point_part[:, :, 6], point_part[:, :, 7] = goals.free, risk
     limb_part = np.zeros((k, limbs, m, LIMB_FEATURES), dtype=np.float32)
     limb_part[np.arange(k)[:, None], np.arange(limbs), states.stance, 0] = 1.0
     limb_part[..., 1] = valid
@@ -104,14 +94,14 @@ def point_features(
     moved = states.after[state, limb, point] - base[state]
     limb_part[..., 5], limb_part[..., POINT_DISTANCES] = (
         valid & states.releasable_after,
-        goals.lookahead[..., :DEPTH],
+        goals.of_points[..., :DEPTH],
     )
-    limb_part[..., POINT_ARRIVALS] = np.log2(1.0 + goals.lookahead[..., DEPTH:])
+    limb_part[..., POINT_ARRIVALS] = np.log2(1.0 + goals.of_points[..., DEPTH:])
     of_action = states.lookahead[state, limb, point]
     limb_part[state, limb, point, ACTION_DISTANCES] = of_action[:, : DEPTH + 1]
     limb_part[state, limb, point, ACTION_ARRIVALS] = np.log2(1.0 + of_action[:, DEPTH + 1 :])
     limb_part[state, limb, point, 2:5] = np.einsum("ij,ijk->ik", moved, rotation[state])
-    to_goal = np.einsum("ij,ijk->ik", goals.goal - base, rotation)
+    to_goal = np.einsum("ij,ijk->ik", goals.goals - base, rotation)
     distance = np.linalg.norm(to_goal, axis=1, keepdims=True)
     goal_part = np.concatenate([to_goal, distance, np.full_like(distance, goals.tolerance)], axis=1)
     return {"points": point_part, "limbs": limb_part, "goal": goal_part.astype(np.float32)}
@@ -186,10 +176,9 @@ def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Featur
     stance = np.array([state.stance for state in states])
     return point_features(
         graph.grasp_map,
-        free,
         env.failure_probability,
         StateBatch(base, rotation, stance, valid, after, releasable_after, lookahead),
-        GoalBatch(np.tile(env.goal, (k, 1)), env.goal_tolerance, of_points[None]),
+        LookaheadGoals(np.tile(env.goal, (k, 1)), env.goal_tolerance, free, of_points[None]),
     )
 
 
@@ -270,8 +259,7 @@ class TableFeatures:
             releasable_after.view(np.bool_),
             of_actions,
         )
-        here = GoalBatch(goals, self.tolerance, lookahead)
-        return point_features(self.grasp_map, free, self.failure_probability, states, here)
+        return point_features(self.grasp_map, self.failure_probability, states, ahead)
 
 
 class PointObservation(

@@ -12,7 +12,6 @@ chooses actions in a `MlivrEnv` (`agents.policies.Policy`), and they are called 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,7 @@ from sb3_contrib.common.maskable.policies import (
     MaskableActorCriticPolicy,
     MaskableMultiInputActorCriticPolicy,
 )
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, create_mlp
 from torch import Tensor, nn
 
 from mlivr_gym.agents.features import (
@@ -62,10 +61,7 @@ SPREAD = 1.4 / LENGTH
 
 def mlp(sizes: list[int]) -> nn.Sequential:
     """Return linear layers of the given sizes with ReLU between them."""
-    layers: list[nn.Module] = []
-    for before, after in pairwise(sizes):
-        layers += [nn.Linear(before, after), nn.ReLU()]
-    return nn.Sequential(*layers[:-1])
+    return nn.Sequential(*create_mlp(sizes[0], sizes[-1], sizes[1:-1]))
 
 
 class PointerNetwork(nn.Module):
