@@ -16,7 +16,6 @@ from reports import GOAL, ROOT, START, two_limb_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
@@ -33,6 +32,7 @@ from mlivr_gym.pictures.map_views import (
 )
 from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.viewer.curves import limb_manipulabilities
@@ -75,7 +75,7 @@ def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
     robot, places = graph.robot, []
     for k in range(len(motion.phase)):
         position, turn, joints = at(motion, k)
-        flange = forward_kinematics(joints[limb], robot.limb.lengths)[6]
+        flange = link_frames(robot.limb, joints[limb])[6]
         tip = flange[:3, 3] + robot.tool_length * flange[:3, 2]
         mounted = robot.mount_positions[limb] + robot.mount_rotations[limb] @ tip
         places.append(position + Rotation.from_quat(turn, scalar_first=True).apply(mounted))

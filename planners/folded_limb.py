@@ -19,9 +19,9 @@ from mlivr_gym.collisions.contacts import Configuration, contacts
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
+from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.path_following import joints_along, poses
-from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.swings import SupportLimb, SwingFinder
 from mlivr_gym.robot.cargo import Cargo

@@ -17,9 +17,9 @@ from scipy.interpolate import PPoly
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import lies_behind
 from mlivr_gym.kinematics.grasps import grasp_rows
+from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.kinematics.path_following import joints_along, poses
-from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.time_scaling import quintic
 from mlivr_gym.motion.trajectory import FREE, Trajectory

@@ -188,18 +188,3 @@ def grasp_motion(arm: Arm, turns: Turns) -> GraspMotion:
     if arm.family == NUMERIC:
         return numeric_bounds.grasp_motion(arm, turns)
     return spherical_wrist_bounds.grasp_motion(arm, turns)
-
-
-def forward_kinematics(q: Array, lengths: Array, family: int = UR) -> Array:
-    """Return the frames of the links in the limb base frame, homogeneous, shape (7, 4, 4).
-
-    Joint angles [rad] have shape (6,), lengths are those of the form of the family. Frame 6 is the
-    flange; the others lie at the far ends of the links of a UR arm, at the joints of others.
-    """
-    if family == UR:
-        return ur.forward_kinematics(q, lengths)
-    if family == NUMERIC:
-        return numeric.forward_kinematics(q, lengths)
-    if family == SPHERICAL_SHOULDER:
-        return spherical_shoulder.forward_kinematics(q, lengths)
-    return spherical_wrist.forward_kinematics(q, lengths)

@@ -9,21 +9,20 @@ every joint in its window, see `arm.in_window`. That `w_m` stays above a floor i
 
 from __future__ import annotations
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch, without_flip
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, NUMERIC, TURN, Arm, in_window
 from mlivr_gym.kinematics.base_path import BasePath, pose_on_path
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import SINGULAR_TOO
-from mlivr_gym.kinematics.limb import MountedArm, angles_at
+from mlivr_gym.kinematics.limb import Angles, MountedArm, Track, angles_at, begin
 from mlivr_gym.kinematics.numeric_path import follow_numerically
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.kinematics.track import Track, begin
 
 FEW, MANY = (cast(int, k) for k in np.array([4, 32]))
 """Numbers of intervals at whose ends joint angles are computed along a path."""
@@ -178,3 +177,34 @@ def held_branches(
     if branch_set:
         branch_set = in_windows(limb, flange, path, branch_set, scratch.track)
     return branch_set
+
+
+@entry
+def joints_along(
+    robots: Any, i: int, bases: Any, flanges: Any, branch: int, reference: Angles, out: Any
+) -> int:
+    """Compute joint angles of a limb on one branch at many poses, continuous from given ones.
+
+    Bases in the world are rows of `Pose`, shape (k,), or (1,) for one that stays; flanges likewise,
+    up to a half turn about their z axes. `reference` has angles close to those at the first pose,
+    which determine windings and flip. Rows of `Angles`, shape (k,), are filled; returned is the
+    number of poses from the first on at which the branch exists.
+    """
+    limb, half_turn = robots[0].limbs[i], 0.0
+    for k in range(len(out)):
+        base, flange = bases[min(k, len(bases) - 1)], flanges[min(k, len(flanges) - 1)]
+        q = out[k].q
+        for joint in range(6):
+            q[joint] = reference.q[joint] if k == 0 else out[k - 1].q[joint]
+        if k == 0:
+            if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
+                return k
+            if np.cos(reference.q[5] - q[5]) < 0.0:
+                half_turn = np.pi
+            for joint in range(6):
+                q[joint] = reference.q[joint]
+        q[5] -= half_turn
+        if not next_angles(limb, base, flange, branch, q):
+            return k
+        q[5] += half_turn
+    return len(out)

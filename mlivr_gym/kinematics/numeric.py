@@ -235,18 +235,3 @@ def _set_frames(arm: Arm, q: Angles5, last: float, frames: Array) -> None:
         for k in range(3):
             frames[link, 0, k], frames[link, 1, k] = frame.o[k], frame.x[k]
             frames[link, 2, k], frames[link, 3, k] = frame.y[k], frame.z[k]
-
-
-def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the frames of the links in the limb base frame, homogeneous, shape (7, 4, 4).
-
-    Joint angles [rad] have shape (6,), lengths are the `steps` of `arm.NumericArm`, shape (72,).
-    """
-    frames = np.tile(np.eye(4), (7, 1, 1))
-    for k, (angle, step) in enumerate(zip(q, np.reshape(lengths, (6, 4, 3)), strict=True)):
-        c, s, turn = np.cos(angle), np.sin(angle), np.eye(4)
-        turn[:2, :2] = [[c, -s], [s, c]]
-        before = np.eye(4)
-        before[:3, 3], before[:3, :3] = step[0], step[1:].T
-        frames[k + 1] = frames[k] @ before @ turn
-    return frames

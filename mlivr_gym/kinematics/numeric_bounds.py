@@ -42,7 +42,7 @@ from mlivr_gym.kinematics.numeric_chain import (
     factors_of,
     seen_by,
 )
-from mlivr_gym.kinematics.poses import cross, length
+from mlivr_gym.kinematics.poses import along, cross, length
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 
 if TYPE_CHECKING:
@@ -73,20 +73,10 @@ class Nearby(NamedTuple):
 @kernel
 def _row(columns: Columns, share: Angles5) -> Column:
     """Return a row of K by a row of `(J^T J)^-1`."""
-    c1, c2, c3, c4, c5 = columns
-    q1, q2, q3, q4, q5 = share
-    return Column(
-        (
-            q1 * c1.v[0] + q2 * c2.v[0] + q3 * c3.v[0] + q4 * c4.v[0] + q5 * c5.v[0],
-            q1 * c1.v[1] + q2 * c2.v[1] + q3 * c3.v[1] + q4 * c4.v[1] + q5 * c5.v[1],
-            q1 * c1.v[2] + q2 * c2.v[2] + q3 * c3.v[2] + q4 * c4.v[2] + q5 * c5.v[2],
-        ),
-        (
-            q1 * c1.a[0] + q2 * c2.a[0] + q3 * c3.a[0] + q4 * c4.a[0] + q5 * c5.a[0],
-            q1 * c1.a[1] + q2 * c2.a[1] + q3 * c3.a[1] + q4 * c4.a[1] + q5 * c5.a[1],
-            q1 * c1.a[2] + q2 * c2.a[2] + q3 * c3.a[2] + q4 * c4.a[2] + q5 * c5.a[2],
-        ),
-    )
+    v = a = (0.0, 0.0, 0.0)
+    for k in range(5):
+        v, a = along(v, share[k], columns[k].v), along(a, share[k], columns[k].a)
+    return Column(v, a)
 
 
 @kernel
@@ -141,50 +131,30 @@ def nearby(arm: Arm, q: Angles5, d: float, a: float) -> Nearby:
     none = Angles5(0.0, 0.0, 0.0, 0.0, 0.0)
     if not middle > 0.0:
         return Nearby(False, none, 0.0, middle)
-    v1, a1 = _sizes(columns, factors, Angles5(1.0, 0.0, 0.0, 0.0, 0.0))
-    v2, a2 = _sizes(columns, factors, Angles5(0.0, 1.0, 0.0, 0.0, 0.0))
-    v3, a3 = _sizes(columns, factors, Angles5(0.0, 0.0, 1.0, 0.0, 0.0))
-    v4, a4 = _sizes(columns, factors, Angles5(0.0, 0.0, 0.0, 1.0, 0.0))
-    v5, a5 = _sizes(columns, factors, Angles5(0.0, 0.0, 0.0, 0.0, 1.0))
+    (v1, a1), (v2, a2), (v3, a3), (v4, a4), (v5, a5) = sizes = (
+        _sizes(columns, factors, Angles5(1.0, 0.0, 0.0, 0.0, 0.0)),
+        _sizes(columns, factors, Angles5(0.0, 1.0, 0.0, 0.0, 0.0)),
+        _sizes(columns, factors, Angles5(0.0, 0.0, 1.0, 0.0, 0.0)),
+        _sizes(columns, factors, Angles5(0.0, 0.0, 0.0, 1.0, 0.0)),
+        _sizes(columns, factors, Angles5(0.0, 0.0, 0.0, 0.0, 1.0)),
+    )
     b1, b2, b3 = v1 * d + a1 * turned, v2 * d + a2 * turned, v3 * d + a3 * turned
     b4, b5 = v4 * d + a4 * turned, v5 * d + a5 * turned
     least = LEAST_SHARE * max(b1, b2, b3, b4, b5)
-    b1, b2, b3, b4, b5 = (
-        max(b1, least),
-        max(b2, least),
-        max(b3, least),
-        max(b4, least),
-        max(b5, least),
-    )
-    c1, c2, c3, c4, c5 = columns
-    z1, z2, z3, z4, z5 = chain.f1.z, chain.f2.z, chain.f3.z, chain.f4.z, chain.f5.z
-    total = _bent(none, columns, factors, (z1, c1), b1 * b1)
-    total = _bent(total, columns, factors, (z1, c2), 2.0 * b1 * b2)
-    total = _bent(total, columns, factors, (z1, c3), 2.0 * b1 * b3)
-    total = _bent(total, columns, factors, (z1, c4), 2.0 * b1 * b4)
-    total = _bent(total, columns, factors, (z1, c5), 2.0 * b1 * b5)
-    total = _bent(total, columns, factors, (z2, c2), b2 * b2)
-    total = _bent(total, columns, factors, (z2, c3), 2.0 * b2 * b3)
-    total = _bent(total, columns, factors, (z2, c4), 2.0 * b2 * b4)
-    total = _bent(total, columns, factors, (z2, c5), 2.0 * b2 * b5)
-    total = _bent(total, columns, factors, (z3, c3), b3 * b3)
-    total = _bent(total, columns, factors, (z3, c4), 2.0 * b3 * b4)
-    total = _bent(total, columns, factors, (z3, c5), 2.0 * b3 * b5)
-    total = _bent(total, columns, factors, (z4, c4), b4 * b4)
-    total = _bent(total, columns, factors, (z4, c5), 2.0 * b4 * b5)
-    total = _bent(total, columns, factors, (z5, c5), b5 * b5)
-    b = Angles5(b1, b2, b3, b4, b5)
+    b = Angles5(max(b1, least), max(b2, least), max(b3, least), max(b4, least), max(b5, least))
+    axes, total = (chain.f1.z, chain.f2.z, chain.f3.z, chain.f4.z, chain.f5.z), none
+    for i in range(5):
+        for k in range(i, 5):
+            weight = (1.0 if i == k else 2.0) * b[i] * b[k]
+            total = _bent(total, columns, factors, (axes[i], columns[k]), weight)
     third, change = 0.5 * WIDER * _third(arm, b), 0.0
-    change = max(change, (total.q1 + np.hypot(v1, a1) * third) / b1)
-    change = max(change, (total.q2 + np.hypot(v2, a2) * third) / b2)
-    change = max(change, (total.q3 + np.hypot(v3, a3) * third) / b3)
-    change = max(change, (total.q4 + np.hypot(v4, a4) * third) / b4)
-    change = max(change, (total.q5 + np.hypot(v5, a5) * third) / b5)
+    for k in range(5):
+        change = max(change, (total[k] + np.hypot(sizes[k][0], sizes[k][1]) * third) / b[k])
     change *= WIDER
     if not change <= 1.0 - 1.0 / WIDER:
         return Nearby(False, none, 0.0, middle)
     kept = 1.0 - change
-    turns = Angles5(b1 / kept, b2 / kept, b3 / kept, b4 / kept, b5 / kept)
+    turns = Angles5(b.q1 / kept, b.q2 / kept, b.q3 / kept, b.q4 / kept, b.q5 / kept)
     return Nearby(True, turns, middle * kept**5, middle)
 
 

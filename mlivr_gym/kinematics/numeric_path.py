@@ -20,12 +20,11 @@ from mlivr_gym.kinematics.base_path import (
     travel_seen,
     turn_seen,
 )
-from mlivr_gym.kinematics.limb import MountedArm, flange_seen
+from mlivr_gym.kinematics.limb import MountedArm, Track, flange_seen
 from mlivr_gym.kinematics.numeric import joint_6, solution, solved, wrist_of
 from mlivr_gym.kinematics.numeric_bounds import nearby
 from mlivr_gym.kinematics.numeric_chain import Angles5, chain_at
 from mlivr_gym.kinematics.poses import Pose, along, columns, vector
-from mlivr_gym.kinematics.track import Track
 from mlivr_gym.kinematics.turns import come_back
 
 FIRST_HALF = 1.0 / 16.0

@@ -30,6 +30,13 @@ def pose(position: Array, rotation: Array) -> Pose:
     return out
 
 
+def poses(positions: Array, rotations: Array) -> Any:
+    """Return rows of `Pose` from positions, shape (k, 3) [m], and rotations, shape (k, 3, 3)."""
+    out = Pose.rows(len(positions))
+    out["position"], out["rotation"] = positions, rotations
+    return out
+
+
 @kernel
 def vector(a: Array) -> Triple:
     """Return the three numbers of an array, shape (3,)."""

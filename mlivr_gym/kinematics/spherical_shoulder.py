@@ -199,24 +199,3 @@ def _turn_back(base: SeenBase, c: float, s: float, frame: Array) -> None:
         frame[1, k] = c * x[k] - s * y[k]
         frame[2, k] = -(s * x[k] + c * y[k])
         frame[3, k] = -z[k]
-
-
-def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the frames of the links in the limb base frame, homogeneous, shape (7, 4, 4).
-
-    Joint angles [rad] have shape (6,), lengths are those of `spherical_wrist.forward_kinematics`
-    with `d1` and `d6` as above.
-    """
-    form = np.array(lengths, dtype=np.float64)
-    form[0], form[7] = form[7], form[0]
-    back = np.diag([1.0, -1.0, -1.0, 1.0])
-    theirs = spherical_wrist.forward_kinematics(np.asarray(q)[::-1], form)
-    to_base = np.linalg.inv(theirs[6] @ back)
-    frames = np.tile(np.eye(4), (7, 1, 1))
-    for i in range(1, 7):
-        c, s = np.cos(q[i - 1]), np.sin(q[i - 1])
-        before = np.array([[c, s, 0, 0], [-s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
-        frames[i] = to_base @ theirs[7 - i] @ before @ back
-    frames[1, :3, 3] = (0.0, 0.0, lengths[0])
-    frames[6] = to_base @ back
-    return frames

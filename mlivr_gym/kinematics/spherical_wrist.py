@@ -40,7 +40,6 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES, class_of
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.kinematics.elbow_plane import along_axis_2, in_elbow_plane
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm, FlangeAxis
@@ -81,6 +80,23 @@ class Bend(NamedTuple):
     s4: float
     c5: float
     s5: float
+
+
+@kernel
+def in_elbow_plane(arm: Arm, cosine: float, sine: float) -> tuple[float, float]:
+    """Return W seen from the shoulder in the plane across axis 3, along `b2` and `a2` [m].
+
+    Parameters are cosine and sine of the elbow angle.
+    """
+    c, s = cosine * arm.c_fold + sine * arm.s_fold, sine * arm.c_fold - cosine * arm.s_fold
+    return arm.b2 - arm.forearm * s, arm.a2 + arm.forearm * c
+
+
+@kernel
+def along_axis_2(arm: Arm, cosine: float, sine: float) -> float:
+    """Return how far W lies along axis 2 [m], by cosine and sine of the elbow angle."""
+    along: float = arm.c_held * arm.d2 - arm.s_held * in_elbow_plane(arm, cosine, sine)[0]
+    return along
 
 
 @kernel
@@ -284,38 +300,3 @@ def set_frames(arm: Arm, bend: Bend, frames: Array) -> None:
         frames[5, 1, k], frames[5, 2, k], frames[5, 3, k] = x5, y5, -y4
         frames[6, 0, k] = frames[5, 0, k] + arm.d6 * y5
         frames[6, 1, k], frames[6, 2, k], frames[6, 3, k] = x5, y4, y5
-
-
-def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the link frames in the limb base frame, shape (7, 4, 4), at joint angles [rad].
-
-    Frame 6 is the flange, with its turn. Lengths, shape (10,), are d1, a1, d2, a2, b2, a3, d4, d6
-    [m], twist r and angle t [rad].
-    """
-    d1, a1, d2, a2, b2, a3, d4, d6, twist, held = lengths
-    cosine, sine = np.cos(twist), np.sin(twist)
-    lean = np.array([[1.0, 0.0, 0.0], [0.0, cosine, -sine], [0.0, sine, cosine]])
-    cosine, sine = np.cos(held), np.sin(held)
-    roll = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    forth = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-    offsets = np.zeros((6, 3))
-    offsets[0, 2], offsets[1, 0], offsets[3, :2], offsets[5, 1] = d1, a1, (a3, d4), d6
-    offsets[2] = (0.0, a2, 0.0) + roll @ (b2, 0.0, d2)
-    turns = np.eye(3), lean, roll, forth.T, forth, forth.T
-    frames = np.tile(np.eye(4), (7, 1, 1))
-    for k, (offset, turn) in enumerate(zip(offsets, turns, strict=True)):
-        c, s = np.cos(q[k]), np.sin(q[k])
-        before, frame = frames[k], frames[k + 1]
-        frame[:3, 3] = before[:3, 3] + before[:3, :3] @ offset
-        frame[:3, :3] = before[:3, :3] @ turn @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    return frames
-
-
-def jacobian(q: Array, lengths: Array) -> Array:
-    """Return the geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
-
-    Linear rows come first.
-    """
-    frames = forward_kinematics(q, lengths)
-    axes, origins = frames[1:, :3, 2], frames[1:, :3, 3]
-    return np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])

@@ -47,7 +47,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
 from mlivr_gym.kinematics.arm import Arm
-from mlivr_gym.kinematics.elbow_plane import along_axis_2, in_elbow_plane
+from mlivr_gym.kinematics.spherical_wrist import along_axis_2, in_elbow_plane
 from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 
 if TYPE_CHECKING:

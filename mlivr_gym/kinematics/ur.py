@@ -273,38 +273,3 @@ def _complete(frames: Array, link: int, axis: int) -> None:
         frames[link, axis + 1, k] = (
             frames[link, a, i] * frames[link, b, j] - frames[link, a, j] * frames[link, b, i]
         )
-
-
-def forward_kinematics(q: Array, lengths: Array) -> Array:
-    """Return the frames 0 to 6 of a UR arm in the limb base frame, shape (7, 4, 4).
-
-    Joint angles [rad] and the lengths d1, a2, a3, d4, d5, d6 [m] have shape (6,); frame 6 is the
-    flange.
-    """
-    d1, a2, a3, d4, d5, d6 = lengths
-    rows = ((d1, 0.0, 1), (0.0, a2, 0), (0.0, a3, 0), (d4, 0.0, 1), (d5, 0.0, -1), (d6, 0.0, 0))
-    frames = np.empty((7, 4, 4))
-    frames[0] = np.eye(4)
-    for k, (d, a, quarter) in enumerate(rows):
-        c, s = np.cos(q[k]), np.sin(q[k])
-        ca, sa = 1.0 - abs(quarter), float(quarter)
-        step = np.array(
-            [
-                [c, -s * ca, s * sa, a * c],
-                [s, c * ca, -c * sa, a * s],
-                [0.0, sa, ca, d],
-                [0.0, 0.0, 0.0, 1.0],
-            ]
-        )
-        frames[k + 1] = frames[k] @ step
-    return frames
-
-
-def jacobian(q: Array, lengths: Array) -> Array:
-    """Return the geometric Jacobian of the flange in the limb base frame, shape (6, 6) [m, 1].
-
-    Linear rows come first.
-    """
-    frames = forward_kinematics(q, lengths)
-    axes, origins = frames[:6, :3, 2], frames[:6, :3, 3]
-    return np.vstack([np.cross(axes, frames[6, :3, 3] - origins).T, axes.T])

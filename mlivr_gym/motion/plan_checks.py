@@ -18,8 +18,7 @@ from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.compiled.warming import warming
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
-from mlivr_gym.kinematics.path_following import poses
-from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
 from mlivr_gym.motion.regrasp import are_distinct, regrasp_of

@@ -18,9 +18,9 @@ from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
+from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.path_following import joints_along, poses
-from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.stances.stance_graph import StanceGraph

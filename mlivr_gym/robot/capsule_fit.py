@@ -13,6 +13,7 @@ from functools import cache
 from itertools import product
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array
@@ -63,7 +64,7 @@ class FittedCapsule(NamedTuple):
     """Largest distance of a point of the capsule from the solid's convex hull [m]."""
 
 
-def solid_of(mujoco: Any, model: Any, geom: int) -> Hull | None:
+def solid_of(model: Any, geom: int) -> Hull | None:
     """Return a geom of a model in its own frame, None for a plane or another unbounded shape."""
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
+import mujoco
 import numpy as np
 
 from mlivr_gym.errors import RobotError
@@ -87,8 +88,6 @@ def read_description(
     each in the order of the file, replace those of the file. Raises a `RobotError` if the file
     cannot be read, or holds a loop or a joint that is no hinge.
     """
-    import mujoco
-
     path = Path(path)
     try:
         size = os.path.getsize(path)
@@ -131,7 +130,7 @@ def read_description(
         address = model.jnt_qposadr[joint]
         data.qpos[address : address + 7] = model.qpos0[address : address + 7]
     mujoco.mj_kinematics(model, data)
-    joints = _joint_data(mujoco, model, found, (speeds, torques))
+    joints = _joint_data(model, found, (speeds, torques))
     if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
         endless = (-FARTHEST_TURN, FARTHEST_TURN)
         joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
@@ -246,8 +245,6 @@ def _number(text: str, joint: ElementTree.Element) -> float:
 
 def _without_pictures(spec: Any) -> tuple[list[str], list[tuple[str, str, BodyMesh]]]:
     """Remove what is only seen, and meshes that are not there; return the latter and the former."""
-    import mujoco
-
     folder = Path(spec.modelfiledir) / (spec.compiler.meshdir or spec.meshdir or "")
     absent = {
         mesh.name or Path(mesh.file).stem: mesh.file
@@ -288,8 +285,6 @@ def _without_pictures(spec: Any) -> tuple[list[str], list[tuple[str, str, BodyMe
 
 def _check_joints(spec: Any) -> None:
     """Refuse floating links and loops."""
-    import mujoco
-
     for joint in spec.joints:
         carrier = joint.parent.parent
         if joint.type == mujoco.mjtJoint.mjJNT_FREE and carrier.name != "world":
@@ -325,7 +320,6 @@ def _check_masses(spec: Any) -> None:
 
 
 def _joint_data(
-    mujoco: Any,
     model: Any,
     found: dict[str, float],
     limits: tuple[float | Sequence[float] | None, float | Sequence[float] | None],
@@ -356,7 +350,7 @@ def _joint_data(
         out[joint] = JointData(
             name,
             (low, high) if limited else None,
-            _torque(mujoco, model, joint) if strong is None else strong[k],
+            _torque(model, joint) if strong is None else strong[k],
             found.get(name) if given is None else given[k],
             float(model.dof_armature[address]) or None,
         )
@@ -378,7 +372,7 @@ def _each(name: str, limits: float | Sequence[float] | None, count: int) -> list
     return listed
 
 
-def _torque(mujoco: Any, model: Any, joint: int) -> float | None:
+def _torque(model: Any, joint: int) -> float | None:
     """Return the largest torque of a joint [N m], of the joint or of its actuator."""
     if model.jnt_actfrclimited[joint]:
         return float(np.abs(model.jnt_actfrcrange[joint]).min()) or None

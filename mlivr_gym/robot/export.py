@@ -10,68 +10,31 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.files import write_whole
-from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
-from mlivr_gym.robot.limb_dynamics import gripper_link
-from mlivr_gym.robot.link_frames import axes_of
-from mlivr_gym.robot.model import quaternion_of
-from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
 from mlivr_gym.values import as_triple
 
 FIELDS = (
     "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
-    "source", "apart",
+    "apart", "source",
 )  # fmt: skip
 """Fields of `RobotSpec` that neither format has."""
 
 
-class WrittenJoint(NamedTuple):
-    """A joint about the z axis of the link that it moves."""
-
-    name: str
-    """Its name."""
-    limits: tuple[float, float]
-    """Lower and upper limit [rad]."""
-    torque: float
-    """Largest torque [N m]."""
-    speed: float
-    """Largest speed [rad/s]."""
-    rotor: float
-    """Inertia of its rotor [kg m^2]."""
-
-
-class WrittenLink(NamedTuple):
-    """A link as it is written to a file."""
-
-    name: str
-    """Its name."""
-    parent: str
-    """Name of the link that carries it, empty for the body."""
-    origin: Array
-    """Its origin in the frame of that link [m], shape (3,)."""
-    rotation: Array
-    """Its axes in that frame, shape (3, 3)."""
-    mass: RigidBody
-    """Its mass, centre and inertia."""
-    capsules: tuple[Capsule, ...]
-    """Its collision shapes."""
-    joint: WrittenJoint | None
-    """The joint that moves it, None if it is fixed."""
-
-
-def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | None = None) -> str:
+def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 
-    It is written to a file if one is named; `fields` are those of the robot as plain data. Raises a
-    `RobotError` if its masses are not known, and a `FileError` if the file cannot be written.
+    It is written to a file if one is named. Raises a `RobotError` if its masses are not known, and
+    a `FileError` if the file cannot be written.
     """
     root = ElementTree.Element("mujoco", model=robot.name)
     _sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
@@ -83,10 +46,10 @@ def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
             elements[link.parent], "body", name=link.name, pos=_text(link.origin),
             quat=_text(quaternion_of(link.rotation)),
         )  # fmt: skip
-        if link.mass.mass:
+        if link.solid.mass:
             _sub(
-                body, "inertial", pos=_text(link.mass.centre), mass=_text(link.mass.mass),
-                fullinertia=_text(link.mass.inertia),
+                body, "inertial", pos=_text(link.solid.centre), mass=_text(link.solid.mass),
+                fullinertia=_text(link.solid.inertia),
             )  # fmt: skip
         if not link.parent:
             _sub(body, "freejoint", name=link.name)
@@ -114,21 +77,21 @@ def as_mjcf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
     custom = _sub(root, "custom")
     speeds = [link.joint.speed for link in links if link.joint is not None]
     _sub(custom, "numeric", name=SPEED_LIMITS, size=str(len(speeds)), data=_text(speeds))
-    _sub(custom, "text", name=PLANNING, data=_fields(robot, fields))
+    _sub(custom, "text", name=PLANNING, data=_fields(robot))
     return _written(root, path)
 
 
-def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | None = None) -> str:
+def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     """Return a robot as URDF, whose capsules are those of URDF 1.2; arguments as in `as_mjcf`."""
     root = ElementTree.Element("robot", name=robot.name, version="1.2")
     for link in _links(robot):
         element = _sub(root, "link", name=link.name)
-        if link.mass.mass:
+        if link.solid.mass:
             inertial = _sub(element, "inertial")
-            _sub(inertial, "origin", xyz=_text(link.mass.centre), rpy="0 0 0")
-            _sub(inertial, "mass", value=_text(link.mass.mass))
+            _sub(inertial, "origin", xyz=_text(link.solid.centre), rpy="0 0 0")
+            _sub(inertial, "mass", value=_text(link.solid.mass))
             names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-            figures = map(_text, link.mass.inertia)
+            figures = map(_text, link.solid.inertia)
             _sub(inertial, "inertia", **dict(zip(names, figures, strict=True)))
         if not link.parent:
             collision = _sub(element, "collision")
@@ -150,53 +113,27 @@ def as_urdf(robot: DerivedFigures, fields: dict[str, Any], path: str | Path | No
             _sub(joint, "origin", xyz=_text((0.0, 0.0, robot.tool_length)), rpy="0 0 0")
             _sub(joint, "parent", link=link.name)
             _sub(joint, "child", link=grasp)
-    _sub(root, PLANNING).text = _fields(robot, fields)
+    _sub(root, PLANNING).text = _fields(robot)
     return _written(root, path)
 
 
-def _links(robot: DerivedFigures) -> Iterator[WrittenLink]:
+def _links(robot: DerivedFigures) -> Iterator[RobotLink]:
     """Yield the links of a robot, each after the one that carries it."""
-    none = np.zeros(3)
     held = () if robot.cargo is None else robot.cargo.limb_capsules
     locked = tuple(
         Capsule("base", as_triple(start), as_triple(end), radius)
         for _, (start, end), radius in held
     )
-    yield WrittenLink("base", "", none, np.eye(3), robot.body_solid, locked, None)
-    mounts = zip(robot.mount_positions, robot.mount_rotations, strict=True)
-    for i, (position, rotation) in enumerate(mounts):
-        dynamics, limb = robot.dynamics_of(i), robot.every_limb[i]
-        parts = {
-            name: tuple(c for c in robot.mounted[i].capsules or () if c.link == name)
-            for name in LINKS
-        }
-        parent = f"limb{i}"
-        yield WrittenLink(
-            parent, "base", position, rotation, dynamics.base_link, parts["base"], None
-        )
-        for k, (origin, quaternion) in enumerate(limb.link_offsets):
-            axes = np.round(axes_of(quaternion), 15)
-            name = f"limb{i}/{LINKS[k + 1]}"
-            mass = RigidBody(
-                dynamics.masses[k], as_triple(np.array(dynamics.centres[k])), dynamics.inertias[k]
-            )
-            joint = WrittenJoint(
-                f"limb{i}/joint{k + 1}", tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
-                dynamics.speed_limits[k], dynamics.rotor_inertias[k],
-            )  # fmt: skip
-            yield WrittenLink(
-                name, parent, np.array(origin), axes, mass, parts[LINKS[k + 1]], joint
-            )
-            parent = name
-        gripper = gripper_link(robot.gripper_mass, robot.tool_length)
-        yield WrittenLink(
-            f"limb{i}/gripper", parent, none, np.eye(3), gripper, parts["gripper"], None
-        )
+    turn = np.eye(3)
+    place = np.zeros(3), turn, quaternion_of(turn)
+    yield RobotLink("base", "", *place, robot.body_solid, locked, None)
+    for i in range(robot.limbs):
+        yield from limb_links(robot, i, robot.dynamics_of(i))
 
 
-def _fields(robot: DerivedFigures, fields: dict[str, Any]) -> str:
+def _fields(robot: DerivedFigures) -> str:
     """Return what neither format has, as JSON."""
-    fields = {name: value for name, value in fields.items() if name in FIELDS}
+    fields = {name: getattr(robot, name) for name in FIELDS}
     fields[WINDOWS] = [limb.window_starts for limb in robot.every_limb]
     fields[ROTORS] = [robot.dynamics_of(i).rotor_inertias for i in range(robot.limbs)]
     return json.dumps(fields)
@@ -218,7 +155,7 @@ def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
         _sub(shape, "sphere", radius=_text(capsule.radius))
 
 
-def _add_joint(root: ElementTree.Element, link: WrittenLink) -> None:
+def _add_joint(root: ElementTree.Element, link: RobotLink) -> None:
     """Add the joint that carries a link of a URDF."""
     joint = link.joint
     name, kind = (f"{link.name}/fixed", "fixed") if joint is None else (joint.name, "revolute")

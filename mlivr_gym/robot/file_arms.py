@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 
 from mlivr_gym.arrays import Array
@@ -15,6 +16,7 @@ from mlivr_gym.robot.joint_chain import HeldJoint, JointChain, RecognisedArm
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
+from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
@@ -101,8 +103,6 @@ def with_held_joints(
     Raises a `RobotError` if a name is none of an arm's seven joints, an angle lies outside the
     joint's limits, or a joint or an angle is given for an arm that holds none.
     """
-    import mujoco
-
     each: list[list[Any]] = []
     for field, given in (("held_joint", names or (None,)), ("held_angle", angles or (None,))):
         if len(given) not in (1, len(arms)):
@@ -153,8 +153,17 @@ def _with_held_joint(
 def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
     """Return the joints of an arm in the world where those that move are at 0.
 
-    The frame of the flange in the world has shape (4, 4).
+    The frame of the flange in the world has shape (4, 4). Refuses an arm longer than any robot,
+    which is probably given in millimetres.
     """
+    points = np.vstack([file.data.xanchor[list(arm.joints)], tool_frame_of(file.data, arm)[:3, 3]])
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length > MAX_ROBOT_LENGTH:
+        raise RobotError(
+            f"the limb of joints {file.joints[arm.joints[0]].name!r} to "
+            f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
+            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
+        )
     joints, held = list(arm.joints), None
     if arm.held is not None:
         joint, held = arm.held
@@ -235,8 +244,6 @@ def with_carriers(model: Any, body: int) -> list[int]:
 
 def _moving(model: Any) -> list[int]:
     """Return the bodies that joints other than a free one move."""
-    import mujoco
-
     free = int(mujoco.mjtJoint.mjJNT_FREE)
     return [
         body
@@ -276,8 +283,6 @@ def _is_hinge(file: Description, body: int) -> bool:
 
 def _hinge(file: Description, body: int) -> int:
     """Return the joint that moves a body."""
-    import mujoco
-
     model = file.model
     if model.body_jntnum[body] > 1:
         raise RobotError(
@@ -306,8 +311,6 @@ def _hinge(file: Description, body: int) -> int:
 
 def _frame_named(file: Description, name: str) -> tuple[int, Array, Array]:
     """Return the link or site of a name: body, position [m] and rotation."""
-    import mujoco
-
     model = file.model
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, str(name))
     if site >= 0:
@@ -322,8 +325,6 @@ def _frame_named(file: Description, name: str) -> tuple[int, Array, Array]:
 
 
 def _site(model: Any, site: int) -> tuple[int, Array, Array]:
-    import mujoco
-
     rotation = np.empty(9)
     mujoco.mju_quat2Mat(rotation, model.site_quat[site])
     return int(model.site_bodyid[site]), model.site_pos[site].copy(), rotation.reshape(3, 3)

@@ -8,12 +8,16 @@ branch, the arm of the file has angles close to those of the family, which Newto
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.file_arms import FileArm, tool_frame_of
+from mlivr_gym.robot.link_frames import inverse
 
 STEPS = 12
 """Largest number of Newton's steps; three are usual."""
@@ -26,36 +30,39 @@ FARTHEST = 0.1
 
 
 class FileChain(NamedTuple):
-    """Joints that move, in the base frame of the limb, where their angles are 0 in the file."""
+    """Joints of a limb that move, which MuJoCo moves as the file has them."""
 
-    axes: Array
-    """Unit vectors along them, shape (6, 3)."""
-    anchors: Array
-    """A point on each [m], shape (6, 3)."""
+    model: Any
+    """The `mujoco.MjModel` of the file."""
+    data: Any
+    """Scratch, a `mujoco.MjData` of its own; a joint that is held has its angle there."""
+    arm: FileArm
+    """The joints."""
+    base: Array
+    """Base frame of the limb in the world, shape (4, 4)."""
     flange: Array
-    """Frame of the flange, its axes those that the family has, shape (4, 4)."""
+    """The flange, its axes those that the family has, in the tool frame of the file, (4, 4)."""
 
-    def seen_from(self, frame: Array) -> FileChain:
-        """Return the chain as seen from a frame (4, 4) of the present one."""
-        turn, place = frame[:3, :3], frame[:3, 3]
-        return FileChain(
-            self.axes @ turn, (self.anchors - place) @ turn, np.linalg.inv(frame) @ self.flange
-        )
+    def at(self, angles: Array) -> tuple[Array, Array, Array]:
+        """Return axes and anchors [m], (6, 3) each, and flange (4, 4) at angles of the file [rad].
 
-    def flange_at(self, angles: Array) -> Array:
-        """Return the frame of the flange by the angles of the file [rad], (6,) -> (4, 4)."""
-        return self._moved(angles)[2]
+        All are in the base frame of the limb.
+        """
+        joints = list(self.arm.joints)
+        self.data.qpos[self.model.jnt_qposadr[joints]] = angles
+        mujoco.mj_kinematics(self.model, self.data)
+        turn, anchors = self.base[:3, :3], self.data.xanchor[joints] - self.base[:3, 3]
+        flange = inverse(self.base) @ tool_frame_of(self.data, self.arm) @ self.flange
+        return self.data.xaxis[joints] @ turn, anchors @ turn, flange
 
     def solved(self, target: Array, angles: Array, names: Sequence[str]) -> Array:
         """Return the angles at which the flange is in a frame (4, 4), close to given ones (6,).
 
         Raises a `RobotError` with the names of the joints if there are none so close.
         """
-        from scipy.spatial.transform import Rotation
-
         found = np.array(angles, dtype=np.float64)
         for _ in range(STEPS):
-            axes, anchors, flange = self._moved(found)
+            axes, anchors, flange = self.at(found)
             turn = Rotation.from_matrix(target[:3, :3] @ flange[:3, :3].T).as_rotvec()
             error = np.concatenate([target[:3, 3] - flange[:3, 3], turn])
             if np.abs(error).max() <= ACCURACY:
@@ -69,18 +76,3 @@ class FileChain(NamedTuple):
             f"plan has it within {FARTHEST:g} rad of the plan's angles; they are too close to a "
             "singular posture"
         )
-
-    def _moved(self, angles: Array) -> tuple[Array, Array, Array]:
-        """Return axes, anchors [m] and the flange where the joints have turned."""
-        from scipy.spatial.transform import Rotation
-
-        turn, place = np.eye(3), np.zeros(3)
-        axes, anchors = np.empty((6, 3)), np.empty((6, 3))
-        turns = Rotation.from_rotvec(np.asarray(angles)[:, None] * self.axes).as_matrix()
-        for k in range(6):
-            axes[k], anchors[k] = turn @ self.axes[k], place + turn @ self.anchors[k]
-            place = place + turn @ (self.anchors[k] - turns[k] @ self.anchors[k])
-            turn = turn @ turns[k]
-        flange = self.flange.copy()
-        flange[:3, :3], flange[:3, 3] = turn @ flange[:3, :3], place + turn @ flange[:3, 3]
-        return axes, anchors, flange

@@ -2,38 +2,41 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+import copy
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
+from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.any_limb import AnyLimb
-from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.capsules import CAPSULE, Capsule
 from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import FileArm, chain_of, limb_in_family, tool_frame_of
+from mlivr_gym.robot.file_arms import FileArm, limb_in_family, tool_frame_of
 from mlivr_gym.robot.file_chain import FileChain
-from mlivr_gym.robot.file_parts import LimbParts, limb_parts
+from mlivr_gym.robot.file_parts import LimbParts, joined
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.joint_chain import DECIMALS, JointChain, RecognisedArm
+from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.mounts import MOST_CAPSULES
 from mlivr_gym.robot.numeric_limb import NumericLimb
-from mlivr_gym.robot.recognition import recognised
-from mlivr_gym.robot.rigid import RigidBody, cylinder, joined
+from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
+from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
 from mlivr_gym.robot.visuals import Visual
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE
+from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 ROTOR_INERTIA = 0.1
 """Inertia of a rotor where neither file nor caller gives one [kg m^2]: MuJoCo Menagerie's UR arms.
 """
 
-TOOL_LENGTH, GRIPPER_MASS = 0.05, 0.5
-"""Length [m] and mass [kg] of the gripper that is added to an arm without one."""
+GRIPPER_MASS = 0.5
+"""Mass of the gripper that is added to an arm without one [kg]."""
 
 SAMPLES = 100
 """Number of random joint angles at which the flange is compared with that of the file."""
@@ -41,14 +44,71 @@ SAMPLES = 100
 LARGEST_ERROR = 5e-3
 """Largest distance of the flange from that of the file [m]; grasps are captured within 10 mm."""
 
+LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
+"""Validator of a length [m] that may be None."""
+
+
+def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
+    if isinstance(value, str):
+        return Choice(("ur5e",)).read(value, place)
+    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
+
 
 @dataclass(frozen=True)
-class LimbOptions:
-    """What a caller says of limbs, see `from_file.read_robot`."""
+class FileOptions:
+    """What a caller says of a robot from a URDF or MJCF file; None for what the file says.
 
-    tool_length: float | None
-    rotor_inertia: float | None
-    capsules: Sequence[Capsule] | str | None
+    Where a list may be given it has an entry for each limb or joint, in the order of the file.
+    """
+
+    limbs: Annotated[int | None, OrNone(Integer(2, MOST_LIMBS))] = None
+    """Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the number
+    that the file has."""
+    tips: Annotated[tuple[str, ...] | None, OrNone(ListOf(NAME, 1))] = None
+    """For each limb the name of its last link, or of a site on it; None for every chain of joints
+    that begins at the body."""
+    tool_frame: Annotated[tuple[str, ...] | None, OrNone(OneOrEach(NAME))] = None
+    """Name of the link or site at which a limb grasps, or a list; None for a customary name such as
+    `tool0`, or the last link."""
+    tool_length: Annotated[float | None, LENGTH] = None
+    """Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
+    or, if it has none, for the default gripper of 0.05 m."""
+    mount_radius: Annotated[float | None, LENGTH] = None
+    """Distance of an arm's base from the body's z axis [m], if the file is one arm; by default half
+    the body's longest edge, and more if its upper arm could not turn there."""
+    body_size: Annotated[float | Triple | None, OrNone(SizeOrEdges())] = None
+    """Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes of
+    a whole robot's body."""
+    speed_limits: Annotated[
+        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s")))
+    ] = None
+    """Largest speed of every joint, or a list [rad/s]. MJCF has no field for them but a `<numeric>`
+    of this name."""
+    torque_limits: Annotated[
+        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m")))
+    ] = None
+    """Largest torque of every joint, or a list [N m]."""
+    rotor_inertia: Annotated[float | None, OrNone(Tuples((), 0.0, 1e3, "kg m^2"))] = None
+    """Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
+    the file, or `ROTOR_INERTIA` where it has none."""
+    held_joint: Annotated[tuple[str | None, ...] | None, OrNone(OneOrEach(OrNone(NAME)))] = None
+    """Name of the joint that does not move in an arm of seven, or a list; None for the third joint,
+    and for a limb of six joints."""
+    held_angle: Annotated[tuple[float | None, ...] | None, OrNone(OneOrEach(OrNone(Tuples())))] = (
+        None
+    )
+    """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
+    capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
+    """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
+    shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths, or,
+    for an arm of another family, for capsules along its links."""
+    package_dirs: Annotated[tuple[str | Path, ...], ListOf(FileName())] = ()
+    """Folders in which the packages of `package://` names lie, in addition to those above the file.
+    """
+
+
+FILE_OPTIONS = Struct.of(FileOptions)
+"""Fields of a `FileOptions`."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +124,7 @@ class FileLimb:
     offsets: Array
     """Offsets of its joint angles [rad]."""
     mount: Array
-    """Base frame of the limb in the world, later in the body's frame, shape (4, 4)."""
+    """Base frame of the limb in the body's frame, of a file of one arm in the world, (4, 4)."""
     capsules: tuple[Capsule, ...]
     """Collision shapes."""
     excess: dict[str, float]
@@ -83,167 +143,85 @@ class FileLimb:
     """Links whose shapes never meet, see `RobotSpec.apart`."""
     visuals: tuple[Visual, ...]
     """Meshes that show it."""
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...]
     """What the file does not say, in words."""
 
     @property
     def described_capsules(self) -> tuple[Capsule, ...] | None:
         """Its collision shapes, None if they are those that a limb has by default."""
         default = stretched_capsules(self.limb, self.tool_length)
-        return None if _all_alike(self.capsules, default) else self.capsules
+        same = _alike(tuple(map(astuple, self.capsules)), tuple(map(astuple, default)))
+        return None if same else self.capsules
 
     def is_like(self, other: FileLimb) -> bool:
         """Return whether another limb has the same figures, to the last rounded digit."""
-        return (
-            self.limb.family_code == other.limb.family_code
-            and self.limb.held_joint == other.limb.held_joint
-            and math.isclose(self.limb.held_angle, other.limb.held_angle, abs_tol=1e-6)
-            and np.allclose(self.limb.lengths, other.limb.lengths, atol=1e-6)
-            and np.allclose(self.limb.limits, other.limb.limits, atol=1e-6)
-            and _all_alike(self.capsules, other.capsules)
-            and _same_dynamics(self.dynamics, other.dynamics)
-            and self.gripper_mass == other.gripper_mass
-        )
+        return _alike(self._figures, other._figures)
 
-    def with_tool_length(self, length: float) -> FileLimb:
-        """Return the limb with its flange elsewhere on the last axis, the grasp where it was."""
-        shift = round(self.tool_length - length, DECIMALS)
-        if not shift:
-            return self
-
-        def moved(capsule: Capsule) -> Capsule:
-            if capsule.link not in LINKS[6:]:
-                return capsule
-            low, high = capsule.start[2] - shift, capsule.end[2] - shift
-            return replace(capsule, start=(0.0, 0.0, low), end=(0.0, 0.0, high))
-
-        def seen(visual: Visual) -> Visual:
-            x, y, z = visual.position
-            return (
-                replace(visual, position=(x, y, z - shift)) if visual.link in LINKS[6:] else visual
-            )
-
-        along = np.eye(4)
-        along[2, 3] = shift
-        x, y, z = self.dynamics.centres[5]
-        centres = (*self.dynamics.centres[:5], (x, y, z - shift))
-        return replace(
-            self,
-            limb=self.limb.with_flange_moved(shift),
-            chain=self.chain._replace(flange=self.chain.flange @ along),
-            capsules=tuple(map(moved, self.capsules)),
-            dynamics=replace(self.dynamics, centres=centres),
-            tool_length=length,
-            visuals=tuple(map(seen, self.visuals)),
-        )
-
-    def turned(self, angle: float) -> FileLimb:
-        """Return the limb with its base frame turned about the first axis [rad]."""
-        turn = np.eye(4)
-        turn[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
-        (low, high), *others = self.limb.joint_limits
-        fields: dict[str, Any] = {"joint_limits": ((low - angle, high - angle), *others)}
-        if self.limb.held_joint == 1:
-            fields["held_angle"] = self.limb.held_angle - angle
-            return replace(self, limb=replace(self.limb, **fields), mount=self.mount @ turn)
-        offsets = self.offsets.copy()
-        offsets[0] -= angle
-
-        def back(point: Any) -> Any:
-            return tuple((turn[:3, :3].T @ np.array(point)).tolist())
-
-        capsules = tuple(
-            replace(c, start=back(c.start), end=back(c.end)) if c.link == "base" else c
-            for c in self.capsules
-        )
-        dynamics = self.dynamics
-        if dynamics.base_centre is not None and dynamics.base_inertia is not None:
-            base = RigidBody(1.0, dynamics.base_centre, dynamics.base_inertia).moved(turn.T)
-            dynamics = replace(dynamics, base_centre=base.centre, base_inertia=base.inertia)
-        return replace(
-            self,
-            limb=replace(self.limb, **fields), chain=self.chain.seen_from(turn),
-            offsets=offsets, mount=self.mount @ turn, capsules=capsules, dynamics=dynamics,
-            visuals=tuple(v.turned(turn[:3, :3]) if v.link == "base" else v for v in self.visuals),
-        )  # fmt: skip
+    @property
+    def _figures(self) -> tuple[Any, ...]:
+        """What limbs that are like each other have in common, in nested tuples."""
+        limb, shapes = self.limb, tuple(map(astuple, self.capsules))
+        held = limb.family_code, limb.held_joint, limb.held_angle
+        lengths = *limb.lengths.tolist(), *limb.limits.ravel().tolist()
+        return (*held, lengths, shapes, astuple(self.dynamics), self.gripper_mass)
 
 
 def limb_of(
-    file: Description, arms: tuple[FileArm, ...], number: int, options: LimbOptions
+    file: Description, members: LimbParts, options: FileOptions, length: float, body: Array
 ) -> FileLimb:
-    """Return the limb of a file that one of its arms is, by number and by what the caller says.
+    """Return a limb of a file, whose flange is made to lie at a distance from the grasp [m].
 
-    Raises a `RobotError` if its joints are those of no known family, or a figure is missing.
+    The frame of the robot's body in the world has shape (4, 4). Raises a `RobotError` if a figure
+    is missing.
     """
-    arm = arms[number]
-    tool = tool_frame_of(file.data, arm)
-    _check_size(file, arm, tool)
-    members = limb_parts(file, arms, number, options.tool_length is None)
-    joints = chain_of(file, arm, members.flange)
-    found = recognised(joints)
-    limb = limb_in_family(file, arm, found)
+    arm, found, notes = members.arm, members.found, []
+    limb, shift = limb_in_family(file, arm, found), round(members.tool_length - length, DECIMALS)
     if file.is_exported:
-        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, number))
+        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, members.number))
+    if shift:
+        limb = limb.with_flange_moved(shift)
     found = found._replace(offsets=found.offsets + limb.joint_shifts)
     frames = _base_of(limb, found) @ link_frames(limb, found.offsets)
-    notes = []
     if arm.held is not None:
         joint, held = arm.held
         notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
     if isinstance(limb, NumericLimb):
         notes.append("of no closed form, solved numerically")
-    length, gripper_mass = members.tool_length, 0.0
-    if not members.gripper:
-        length = TOOL_LENGTH if options.tool_length is None else options.tool_length
-        gripper_mass = GRIPPER_MASS
-        notes.append(f"a gripper of {length:g} m and {gripper_mass:g} kg added")
-    masses = [
-        joined(file.model, file.data, part, frame) for part, frame in members.with_frames(frames)
-    ]
+    masses = [joined(file, part, frame) for _, part, frame in members.on(frames)]
     if members.gripper:
-        masses, gripper_mass = _with_gripper(file, members, frames, masses)
-    dynamics = _dynamics(file, arm, masses)
+        masses, gripper_mass = _with_gripper(file, members, frames[6], masses, shift)
+    else:
+        masses, gripper_mass = masses[:7], GRIPPER_MASS
+        notes.append(f"a gripper of {members.tool_length:g} m and {gripper_mass:g} kg added")
     rotors = tuple(file.joints[joint].rotor for joint in arm.joints)
     if options.rotor_inertia is not None:
         rotors = (options.rotor_inertia,) * len(rotors)
     elif ROTORS in file.fields:
-        rotors = _of_limb(file, ROTORS, number)
+        rotors = _of_limb(file, ROTORS, members.number)
     elif None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
     known_rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
-    dynamics = replace(dynamics, rotor_inertias=known_rotors)
+    dynamics = _dynamics(file, arm, masses, known_rotors)
     apart: tuple[tuple[str, str], ...] = ()
     if options.capsules is None:
         capsules, excess = fitted_capsules(file, members, frames, length)
         if not members.gripper:
-            capsules = (*capsules, gripper_capsule(length))
+            capsules = (*capsules, gripper_capsule(length, shift))
         apart = links_apart(file, members, frames, limb)
     elif isinstance(options.capsules, str):
         capsules, excess = stretched_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
-        capsules, excess = tuple(options.capsules), {}
-    chain = _chain_in_base(joints, limb, found)
+        capsules, excess = options.capsules, {}
+    chain = _chain_of(file, members, frames, shift)
     error = _position_error(chain, limb, found, file.joints[arm.joints[-1]].name)
     if error > 1e-4:
         notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
-        found.mount, capsules, excess, dynamics, length, gripper_mass, error, chain,
+        inverse(body) @ found.mount, capsules, excess, dynamics, length, gripper_mass, error, chain,
         apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
-
-
-def _check_size(file: Description, arm: FileArm, tool: Array) -> None:
-    """Refuse an arm longer than any robot, which is probably given in millimetres."""
-    points = np.vstack([file.data.xanchor[list(arm.joints)], tool[:3, 3]])
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > MAX_ROBOT_LENGTH:
-        raise RobotError(
-            f"the limb of joints {file.joints[arm.joints[0]].name!r} to "
-            f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
-            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
-        )
 
 
 def _of_limb(file: Description, name: str, number: int) -> Any:
@@ -254,8 +232,10 @@ def _of_limb(file: Description, name: str, number: int) -> Any:
     return listed[number]
 
 
-def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbDynamics:
-    """Return masses, inertias and limits of the limb, without inertias of rotors."""
+def _dynamics(
+    file: Description, arm: FileArm, masses: list[RigidBody], rotors: tuple[float, ...]
+) -> LimbDynamics:
+    """Return masses, inertias and limits of the limb, whose rotors have given inertias."""
     figures = [file.joints[joint] for joint in arm.joints]
     for one in figures:
         if one.torque is None:
@@ -290,7 +270,7 @@ def _dynamics(file: Description, arm: FileArm, masses: list[RigidBody]) -> LimbD
         tuple(part.inertia for part in masses[1:]),
         tuple(float(one.torque or 0.0) for one in figures),
         tuple(float(one.speed or 0.0) for one in figures),
-        (0.0,) * len(figures),
+        rotors,
         size,
         None if size or not base.mass else base.centre,
         None if size or not base.mass else base.inertia,
@@ -310,15 +290,18 @@ def _cylinder_of(base: RigidBody) -> tuple[float, float] | None:
 
 
 def _with_gripper(
-    file: Description, members: LimbParts, frames: Array, masses: list[RigidBody]
+    file: Description, members: LimbParts, flange: Array, masses: list[RigidBody], shift: float
 ) -> tuple[list[RigidBody], float]:
-    """Return the masses with the file's gripper, and the mass of a gripper that is none of them."""
-    gripper = joined(file.model, file.data, members.gripper, frames[6])
+    """Return masses of base and links, and that of a gripper that is none of them.
+
+    `masses` has the file's gripper last, whose own flange lies `shift` behind the limb's [m].
+    """
+    gripper, length = masses[7], members.tool_length
     radius = arm_data("ur5e")["gripper"]["radius"]
-    length = members.tool_length
-    if _same(gripper, cylinder(gripper.mass, radius, max(length, 0.01), 0.5 * length)):
-        return masses, gripper.mass
-    last = joined(file.model, file.data, (*members.links[5], *members.gripper), frames[6])
+    middle = 0.5 * length - shift
+    if _same(gripper, cylinder(gripper.mass, radius, max(length, 0.01), middle)):
+        return masses[:7], gripper.mass
+    last = joined(file, (*members.links[5], *members.gripper), flange)
     return [*masses[:6], last], 0.0
 
 
@@ -328,13 +311,17 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
     return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
 
 
-def _chain_in_base(chain: JointChain, limb: AnyLimb, found: RecognisedArm) -> FileChain:
-    """Return the joints of a file that move, in the base frame of the limb."""
-    base, moving = _base_of(limb, found), chain.moving
-    tool = inverse(base @ link_frames(limb, found.offsets)[6]) @ chain.flange
-    tool[:3, 3] = 0.0
-    flange = chain.flange @ inverse(tool)
-    return FileChain(moving.axes, moving.anchors, flange).seen_from(base)
+def _chain_of(file: Description, members: LimbParts, frames: Array, shift: float) -> FileChain:
+    """Return the joints that move; its flange has the axes of the family's, which lies in `frames`.
+
+    These are in the world where the joints are at 0, (7, 4, 4); it is moved by `shift` [m].
+    """
+    flange = frames[6].copy()
+    flange[:3, 3] = members.chain.flange[:3, 3] + shift * flange[:3, 2]
+    tool = tool_frame_of(file.data, members.arm)
+    return FileChain(
+        file.model, copy.copy(file.data), members.arm, frames[0], inverse(tool) @ flange
+    )
 
 
 def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last: str) -> float:
@@ -342,9 +329,9 @@ def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last:
     rng, worst = np.random.default_rng(0), 0.0
     probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
     for _ in range(SAMPLES):
-        angles = rng.uniform(-np.pi, np.pi, len(chain.axes))
+        angles = rng.uniform(-np.pi, np.pi, 6)
         ours = link_frames(limb, found.signs * angles + found.offsets)[6]
-        apart = (chain.flange_at(angles) - ours) @ probes
+        apart = (chain.at(angles)[2] - ours) @ probes
         worst = max(worst, float(np.linalg.norm(apart[:3], axis=0).max()))
     if worst > LARGEST_ERROR:
         raise RobotError(
@@ -362,18 +349,10 @@ def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
     return base
 
 
-def _all_alike(some: tuple[Capsule, ...], others: tuple[Capsule, ...]) -> bool:
-    """Return whether capsules are equal but for rounding."""
-    if [one.link for one in some] != [one.link for one in others]:
-        return False
-    first, second = ([(*c.start, *c.end, c.radius) for c in each] for each in (some, others))
-    return bool(np.allclose(first, second, atol=1e-6))
-
-
-def _same_dynamics(first: LimbDynamics, second: LimbDynamics) -> bool:
-    """Return whether two limbs move alike but for rounding."""
-    for name in LimbDynamics.__dataclass_fields__:
-        a, b = getattr(first, name), getattr(second, name)
-        if (a is None) != (b is None) or (a is not None and not np.allclose(a, b, atol=1e-6)):
-            return False
-    return True
+def _alike(one: object, other: object) -> bool:
+    """Return whether nested tuples are equal but for rounding of their numbers."""
+    if isinstance(one, tuple) and isinstance(other, tuple):
+        return len(one) == len(other) and all(map(_alike, one, other))
+    if isinstance(one, float) and isinstance(other, float):
+        return bool(np.isclose(one, other, atol=1e-6))
+    return one == other

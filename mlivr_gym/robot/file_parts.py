@@ -2,63 +2,79 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.file_arms import FileArm, body_name, tool_frame_of, with_carriers
-from mlivr_gym.robot.joint_chain import MEETING
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.robot.description import LEAST_MASS, Description
+from mlivr_gym.robot.file_arms import FileArm, body_name, chain_of, tool_frame_of, with_carriers
+from mlivr_gym.robot.joint_chain import MEETING, JointChain, RecognisedArm
+from mlivr_gym.robot.link_frames import inverse, rigid
+from mlivr_gym.robot.recognition import recognised
+from mlivr_gym.robot.rigid import RigidBody, combined
 
 SHORTEST_GRIPPER = 0.01
 """A grasp that is nearer to the first shape behind the flange is the flange itself [m]."""
 
+TOOL_LENGTH = 0.05
+"""Length of the gripper that is added to an arm without one [m]."""
 
-@dataclass(frozen=True)
-class LimbParts:
-    """Bodies of a limb by their numbers in the model."""
 
+class LimbParts(NamedTuple):
+    """Bodies of a limb by their numbers in the model, and the arm of a family that they are."""
+
+    number: int
+    """Number of the limb in the file."""
+    arm: FileArm
+    """Its joints."""
     base: tuple[int, ...]
     """Bodies that fix the limb to the robot's body."""
     links: tuple[tuple[int, ...], ...]
     """Bodies that move with each joint, six tuples; the last is without the gripper."""
     gripper: tuple[int, ...]
     """Bodies of the gripper, empty if the file has none."""
-    flange: Array
-    """Frame of the flange in the world, shape (4, 4)."""
     tool_length: float
-    """Distance from the flange to the tool frame [m]."""
+    """Distance from the flange to the grasp, of the file's gripper or of the one that is added [m].
+    """
+    chain: JointChain
+    """Its joints as the file has them, in the world."""
+    found: RecognisedArm
+    """The arm in the terms of its family, its mount in the world."""
 
-    def with_frames(self, frames: Array) -> Iterator[tuple[tuple[int, ...], Array]]:
-        """Yield base and links, each with its frame; `frames` has shape (7, 4, 4)."""
-        return zip((self.base, *self.links), frames, strict=True)
+    def on(self, frames: Array) -> Iterator[tuple[str, tuple[int, ...], Array]]:
+        """Yield name, bodies and frame of base, links and gripper; `frames` are (7, 4, 4)."""
+        members = (self.base, *self.links, self.gripper)
+        return zip(LINKS, members, (*frames, frames[6]), strict=True)
 
 
 def limb_parts(
-    file: Description, arms: tuple[FileArm, ...], number: int, with_gripper: bool
+    file: Description, arms: tuple[FileArm, ...], number: int, tool_length: float | None
 ) -> LimbParts:
     """Return the bodies of the limb that one of a file's arms is, by its number.
 
-    Shapes behind the last link are a gripper, or else belong to that link.
+    Shapes behind the last link are a gripper, or else, and where a tool length is given [m], belong
+    to that link. Raises a `RobotError` if its joints are those of no known family.
     """
     arm = arms[number]
     links = [_moved_by(file, arm, body) for body in arm.links]
     tool = tool_frame_of(file.data, arm)
-    gripper = _gripper(file, arm, links[-1]) if with_gripper else ()
-    flange, length = tool, 0.0
+    gripper = _gripper(file, arm, links[-1]) if tool_length is None else ()
+    flange, length = tool, TOOL_LENGTH if tool_length is None else tool_length
     if gripper:
         flange = tool.copy()
         flange[:3, 3] = file.data.xpos[gripper[0]]
         away, axis = tool[:3, 3] - flange[:3, 3], file.data.xaxis[arm.joints[-1]]
-        length = abs(float(away @ axis))
+        length = round(abs(float(away @ axis)), 9)
         off = float(np.linalg.norm(np.cross(away, axis)))
         if (length < SHORTEST_GRIPPER and not file.is_exported) or off > MEETING:
-            gripper, flange, length = (), tool, 0.0
+            gripper, flange, length = (), tool, TOOL_LENGTH
     links[-1] = tuple(body for body in links[-1] if body not in gripper)
-    return LimbParts(_base(file, arms, number), tuple(links), gripper, flange, round(length, 9))
+    chain, base = chain_of(file, arm, flange), _base(file, arms, number)
+    return LimbParts(number, arm, base, tuple(links), gripper, length, chain, recognised(chain))
 
 
 def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
@@ -136,3 +152,17 @@ def _base(file: Description, arms: tuple[FileArm, ...], number: int) -> tuple[in
         for body in range(1, model.nbody)
         if alone & set(with_carriers(model, body)) and not moving & set(with_carriers(model, body))
     )
+
+
+def joined(file: Description, numbers: Iterable[int], frame: Array) -> RigidBody:
+    """Return bodies of a file as one, as seen from a frame of the world, shape (4, 4)."""
+    model, data, parts = file.model, file.data, []
+    for body in numbers:
+        mass = float(model.body_mass[body])
+        if mass > 2.0 * LEAST_MASS:
+            place = rigid(data.ximat[body].reshape(3, 3), data.xipos[body])
+            moments = (*model.body_inertia[body].tolist(), 0.0, 0.0, 0.0)
+            parts.append(RigidBody(mass, (0.0, 0.0, 0.0), moments).moved(place))
+    if not parts:
+        return RigidBody(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+    return combined(parts).moved(inverse(frame))

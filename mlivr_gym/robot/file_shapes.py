@@ -32,12 +32,10 @@ from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 
 def solids(file: Description, numbers: Iterable[int], frame: Array) -> list[Hull]:
     """Return the collision shapes of bodies in a frame of the world, shape (4, 4)."""
-    import mujoco
-
     turn, origin = frame[:3, :3].T, frame[:3, 3]
     out = []
     for geom in (geom for body in numbers for geom in solid_geoms(file, body)):
-        solid = solid_of(mujoco, file.model, geom)
+        solid = solid_of(file.model, geom)
         if solid is not None:
             rotation = file.data.geom_xmat[geom].reshape(3, 3)
             place = turn @ (file.data.geom_xpos[geom] - origin)
@@ -64,8 +62,7 @@ def fitted_capsules(
         )
     out: list[Capsule] = []
     excess: dict[str, float] = {}
-    parts = [*members.with_frames(frames), (members.gripper, frames[6])]
-    for link, (part, frame) in zip(LINKS, parts, strict=True):
+    for link, part, frame in members.on(frames):
         shapes = solids(file, part, frame)
         if link in LINKS[6:]:
             fits = [capsule_on_axis(shape) for shape in shapes]
@@ -86,10 +83,9 @@ def fitted_capsules(
 
 def limb_visuals(file: Description, members: LimbParts, frames: Array) -> tuple[Visual, ...]:
     """Return the meshes that show a limb; `frames` of base and links have shape (7, 4, 4)."""
-    parts = [*members.with_frames(frames), (members.gripper, frames[6])]
     found = tuple(
         mesh.seen_from(link, inverse(frame) @ body_frame(file.data, body))
-        for link, (part, frame) in zip(LINKS, parts, strict=True)
+        for link, part, frame in members.on(frames)
         for body in part
         for mesh in file.visuals.get(body_name(file.model, body), ())
     )
@@ -106,9 +102,7 @@ def links_apart(
     """
     if not isinstance(limb, Limb):
         return ()
-    parts = dict(zip(LINKS, members.with_frames(frames), strict=False))
-    parts["gripper"] = (members.gripper, frames[6])
-    shapes = {link: solids(file, *part) for link, part in parts.items()}
+    shapes = {link: solids(file, part, frame) for link, part, frame in members.on(frames)}
 
     def farthest(link: str, measure: Callable[[Array], Array]) -> float:
         return max(

@@ -7,29 +7,26 @@ shapes come from the file; whatever it does not say is named in `RobotSpec.sourc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, Reader, Validators, checked
+from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, RobotError, path_shown
-from mlivr_gym.robot.build_checks import check_build
-from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
-from mlivr_gym.robot.file_arms import arms_of, with_held_joints
-from mlivr_gym.robot.file_body import FileBody, body_of
-from mlivr_gym.robot.file_limb import FileLimb, LimbOptions, limb_of
-from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.mounts import MOST_CAPSULES, Mount
+from mlivr_gym.robot.file_arms import arms_of, body_frame, body_name, with_held_joints
+from mlivr_gym.robot.file_limb import FILE_OPTIONS, FileLimb, FileOptions, limb_of
+from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts
+from mlivr_gym.robot.file_shapes import box_round, solids
+from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
-from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Tuples
-from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, Triple
+from mlivr_gym.robot.rigid import RigidBody, box_inertia
+from mlivr_gym.schema import FieldPath
+from mlivr_gym.values import MAX_REMARK_LENGTH, Triple
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
@@ -37,35 +34,8 @@ UR5E_ARM = 0.425 + 0.3922
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
 
-R = TypeVar("R", bound=DerivedFigures)
-
-LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
-"""Validator of a length [m] that may be None."""
-
-
-def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
-    if isinstance(value, str):
-        return Choice(("ur5e",)).read(value, place)
-    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
-
-
-VALIDATORS: Validators = {
-    "path": FileName(),
-    "limbs": OrNone(Integer(2, MOST_LIMBS)),
-    "tips": OrNone(ListOf(NAME, 1)),
-    "tool_frame": OrNone(OneOrEach(NAME)),
-    "tool_length": LENGTH,
-    "mount_radius": LENGTH,
-    "body_size": OrNone(SizeOrEdges()),
-    "speed_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s"))),
-    "torque_limits": OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m"))),
-    "rotor_inertia": OrNone(Tuples((), 0.0, 1e3, "kg m^2")),
-    "held_joint": OrNone(OneOrEach(OrNone(NAME))),
-    "held_angle": OrNone(OneOrEach(OrNone(Tuples()))),
-    "capsules": OrNone(Reader(_capsules)),
-    "package_dirs": ListOf(FileName()),
-}
-"""Validators of the arguments of `read_robot`."""
+EVEN = 1e-6
+"""Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
 
 
 @dataclass(frozen=True)
@@ -135,143 +105,66 @@ class RobotFile:
         return out
 
 
-def robot_of_file(
-    path: str | Path, make: Callable[[dict[str, Any]], R], options: dict[str, Any]
-) -> R:
-    """Return the robot of a file, which `make` makes from its fields, checked.
-
-    `options` are arguments of `read_robot`. Raises a `RobotError` if the file cannot be read, or
-    describes a robot that is not supported.
-    """
-    file = read_robot(path, **options)
-    try:
-        robot = make(file.fields)
-        check_build(robot)
-    except MlivrError as fault:
-        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
-    return robot
-
-
-@checked(VALIDATORS, RobotError)
-def read_robot(
-    path: str | Path,
-    *,
-    limbs: int | None = None,
-    tips: Sequence[str] | None = None,
-    tool_frame: str | Sequence[str] | None = None,
-    tool_length: float | None = None,
-    mount_radius: float | None = None,
-    body_size: float | Triple | None = None,
-    speed_limits: float | Sequence[float] | None = None,
-    torque_limits: float | Sequence[float] | None = None,
-    rotor_inertia: float | None = None,
-    held_joint: str | Sequence[str | None] | None = None,
-    held_angle: float | Sequence[float | None] | None = None,
-    capsules: Sequence[Capsule] | str | None = None,
-    package_dirs: Sequence[str | Path] = (),
-    **fields: Any,
-) -> RobotFile:
+def read_robot(path: str | Path, **options: Any) -> RobotFile:
     """Read a robot from a URDF or MJCF file.
 
-    Parameters
-    ----------
-    path
-        The file: `.urdf` or MJCF.
-    limbs
-        Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the
-        number that the file has.
-    tips
-        For each limb the name of its last link, or of a site on it; None for every chain of joints
-        that begins at the body.
-    tool_frame
-        Name of the link or site at which a limb grasps, or a list with that of each limb; None for
-        a customary name such as `tool0`, or the last link.
-    tool_length
-        Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
-        or, if it has none, for the default gripper of 0.05 m.
-    mount_radius
-        Distance of an arm's base from the body's z axis [m], if the file is one arm; by default
-        half the body's longest edge, and more if its upper arm could not turn there.
-    body_size
-        Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes
-        of a whole robot's body.
-    speed_limits
-        Largest speed of every joint, or of each in the order of the file [rad/s]; None for those
-        of the file. MJCF has no field for them but a `<numeric>` of this name.
-    torque_limits
-        Largest torque of every joint, or of each in the order of the file [N m]; None for those of
-        the file.
-    rotor_inertia
-        Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
-        the file, or 0.1 where it has none, as MuJoCo Menagerie gives UR arms.
-    held_joint
-        Name of the joint that does not move in an arm of seven, or a list with that of each limb;
-        None for the third joint, and for a limb of six joints.
-    held_angle
-        Angle at which it is held, of every limb or of each [rad]; None for 0, and for a limb of
-        six joints.
-    capsules
-        Collision shapes of a limb in its link frames; None for capsules fitted to the collision
-        shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths,
-        or, for an arm of another family, for capsules along its links.
-    package_dirs
-        Folders in which the packages of `package://` names lie, in addition to those above the
-        file.
-    **fields
-        Further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where `heights`, `span`
-        and `characteristic_length` are not given, those of the default robot grow with the arm.
+    Options are fields of `file_limb.FileOptions`, such as `limbs`, `tool_frame` or `speed_limits`,
+    and further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where `heights`, `span`
+    and `characteristic_length` are not given, those of the default robot grow with the arm.
 
-    Returns
-    -------
-    RobotFile
-        The fields of the robot, the map of its joints and the excess of its shapes.
-
-    Raises
-    ------
-    RobotError
-        If the file cannot be read, or describes a robot that is not supported; the message names
-        the joint or link, its value and what would be valid.
+    Raises a `RobotError` if the file cannot be read, or describes a robot that is not supported;
+    the message names the joint or link, its value and what would be valid.
 
     Examples
     --------
     >>> file = read_robot("my_arm.urdf", limbs=3, tool_frame="tool0")  # doctest: +SKIP
     >>> file.capsule_excess[0]["forearm"]  # doctest: +SKIP
     """
-    options = LimbOptions(tool_length, rotor_inertia, capsules)
-    try:
-        file = read_description(path, package_dirs, speed_limits, torque_limits)
-        arms = arms_of(file, tips, tool_frame)
-        angles = cast("tuple[float | None, ...] | None", held_angle)  # as `OneOrEach` reads it
-        arms = with_held_joints(file, arms, held_joint, angles)
-        if len(arms) == 1:
-            return _of_one_arm(file, limb_of(file, arms, 0, options), fields, {
-                "limbs": 2 if limbs is None else limbs,
-                "body_size": 0.2 if body_size is None else body_size,
-                "mount_radius": mount_radius,
-            })  # fmt: skip
-        if limbs not in (None, len(arms)):
-            raise RobotError(f"limbs is {limbs}; the file has {len(arms)} limbs")
-        if mount_radius is not None:
-            raise RobotError(
-                f"mount_radius is {mount_radius}; the file is a whole robot of {len(arms)} limbs, "
-                "whose mounts it names"
-            )
-        each = tuple(limb_of(file, arms, k, options) for k in range(len(arms)))
-        # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
-        shortest = min(limb.tool_length for limb in each)
-        each = tuple(limb.with_tool_length(shortest) for limb in each)
-        return _of_whole_robot(file, body_of(file, arms, each, body_size), fields)
-    except MlivrError as fault:
-        raise RobotError(f"robot {path_shown(path)}: {fault}") from None
+    name = FileName().read(path, FieldPath("path", RobotError))
+    said = {key: value for key, value in options.items() if key in FILE_OPTIONS.validators}
+    fields = {key: value for key, value in options.items() if key not in said}
+    known = FILE_OPTIONS.read(said, FieldPath("", RobotError))
+    return FieldPath(f"robot {path_shown(path)}", RobotError).build(_read, name, known, fields)
+
+
+def _read(path: str, options: FileOptions, fields: dict[str, Any]) -> RobotFile:
+    """Read a robot by what a caller says and by the fields that a caller gives."""
+    file = read_description(path, options.package_dirs, options.speed_limits, options.torque_limits)
+    arms = arms_of(file, options.tips, options.tool_frame)
+    arms = with_held_joints(file, arms, options.held_joint, options.held_angle)
+    parts = tuple(limb_parts(file, arms, k, options.tool_length) for k in range(len(arms)))
+    if len(arms) == 1:
+        return _of_one_arm(file, parts[0], options, fields)
+    if options.limbs not in (None, len(arms)):
+        raise RobotError(f"limbs is {options.limbs}; the file has {len(arms)} limbs")
+    if options.mount_radius is not None:
+        raise RobotError(
+            f"mount_radius is {options.mount_radius}; the file is a whole robot of {len(arms)} "
+            "limbs, whose mounts it names"
+        )
+    body, parts, build = _body_of(file, parts, options.body_size)
+    # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
+    shortest = min(part.tool_length for part in parts)
+    limbs = tuple(limb_of(file, part, options, shortest, body) for part in parts)
+    alike = all(limb.is_like(limbs[0]) for limb in limbs)
+    if alike and "mount_radius" in build:
+        build["limbs"] = len(limbs)
+    else:
+        build.pop("mount_radius", None)
+        build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
+    return RobotFile(_fields(file, limbs, fields, build), limbs)
 
 
 def _of_one_arm(
-    file: Description, limb: FileLimb, fields: dict[str, Any], build: dict[str, Any]
+    file: Description, parts: LimbParts, options: FileOptions, fields: dict[str, Any]
 ) -> RobotFile:
     """Return a robot of equal arms mounted evenly round a box."""
-    if build["mount_radius"] is None:
-        build["mount_radius"] = 0.5 * float(np.max(build["body_size"])) + _stand_off(limb)
-    return RobotFile(_fields(file, (limb,), fields, build), (limb,) * build["limbs"])
+    limb = limb_of(file, parts, options, parts.tool_length, np.eye(4))
+    count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
+    if radius is None:
+        radius = 0.5 * float(np.max(size)) + _stand_off(limb)
+    build = {"limbs": count, "body_size": size, "mount_radius": radius}
+    return RobotFile(_fields(file, (limb,), fields, build), (limb,) * count)
 
 
 def _stand_off(limb: FileLimb) -> float:
@@ -289,21 +182,87 @@ def _stand_off(limb: FileLimb) -> float:
     return round(max(lows), 3)
 
 
-def _of_whole_robot(file: Description, body: FileBody, fields: dict[str, Any]) -> RobotFile:
-    """Return the robot of a file that holds a body with several limbs."""
-    limbs = body.limbs
-    build: dict[str, Any] = {
-        "body_size": body.edges,
-        "body_mass": body.solid.mass,
-        "body_centre": body.solid.centre,
-        "body_inertia": body.inertia,
+def _body_of(
+    file: Description, limbs: tuple[LimbParts, ...], size: float | Triple | None
+) -> tuple[Array, tuple[LimbParts, ...], dict[str, Any]]:
+    """Return the body of a whole robot: its frame in the world (4, 4), limbs, and robot's fields.
+
+    If the limbs are mounted evenly its x axis points to limb 0, and its z axis is that round which
+    they lie in order, the x axes of their bases along it; else its axes are those of the root link,
+    and its origin the middle of its shapes. Its edge or three edges may be given [m]; else it is
+    the box round its shapes. The fields are those of size and mass, and `mount_radius` if the
+    limbs are mounted evenly. Raises a `RobotError` if the body has no mass, or no shape and no
+    size.
+    """
+    members = body_parts(file, tuple(limb.arm for limb in limbs))
+    name = body_name(file.model, members[0])
+    root = body_frame(file.data, members[0])
+    even = _even_frame(np.array([limb.found.mount for limb in limbs]), root[:3, :3])
+    frame = root if even is None else even[0]
+    shapes = solids(file, members, frame)
+    if not shapes and size is None:
+        raise RobotError(f"the body {name!r} has no collision shape; give body_size [m]")
+    if size is None:
+        middle, half = box_round(shapes, even is not None)
+        frame = frame.copy()
+        frame[:3, 3] += frame[:3, :3] @ middle
+        x, y, z = (2.0 * half).tolist()
+        size = x if x == y == z else (x, y, z)
+    solid = joined(file, members, frame)
+    if not solid.mass:
+        raise RobotError(
+            f"link {name!r}, the body, has no mass; give it an inertial with the mass [kg] and the "
+            "inertia [kg m^2]"
+        )
+    fields: dict[str, Any] = {
+        "body_size": size,
+        "body_mass": solid.mass,
+        "body_centre": solid.centre,
+        "body_inertia": _body_inertia(solid, size),
     }
-    alike = all(limb.is_like(limbs[0]) for limb in limbs)
-    if body.mount_radius is not None and alike:
-        build |= {"limbs": len(limbs), "mount_radius": body.mount_radius}
-    else:
-        build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
-    return RobotFile(_fields(file, limbs, fields, build), limbs)
+    if even is not None:
+        fields["mount_radius"] = even[1]
+        limbs = tuple(_upright(limbs[k], frame) for k in even[2])
+    return frame, limbs, fields
+
+
+def _body_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:
+    """Return the inertia of a body, None if it is that of a homogeneous box."""
+    box = box_inertia(solid.mass, np.broadcast_to(np.asarray(size, dtype=np.float64), 3))
+    same = np.allclose(solid.inertia, box, rtol=1e-9, atol=1e-9)
+    return None if same and np.allclose(solid.centre, 0.0, atol=1e-9) else solid.inertia
+
+
+def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
+    """Return the frame in which limbs are mounted evenly round z, their radius and their order.
+
+    Mounts in the world have shape (N, 4, 4); z is one of some axes, columns of shape (3, 3).
+    """
+    count, outward, positions = len(mounts), mounts[:, :3, 2], mounts[:, :3, 3]
+    centre = positions.mean(axis=0)
+    radius = float(((positions - centre) * outward).sum(axis=1).mean())
+    if radius < 0.0 or np.abs(positions - centre - radius * outward).max() > EVEN:
+        return None
+    for z in axes.T[::-1]:
+        if np.abs(outward @ z).max() > EVEN:
+            continue
+        x = outward[0]
+        angles = np.arctan2(outward @ np.cross(z, x), outward @ x)
+        # What rounding leaves below 0 stays there, so that limb 0 comes first.
+        angles = (angles + EVEN) % (2.0 * np.pi) - EVEN
+        order = np.argsort(angles)
+        gaps = np.diff([*angles[order], 2.0 * np.pi])
+        if np.abs(gaps - 2.0 * np.pi / count).max() <= 10.0 * EVEN:
+            frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
+            return frame, round(radius, 9), tuple(order.tolist())
+    return None
+
+
+def _upright(limb: LimbParts, body: Array) -> LimbParts:
+    """Return a limb whose base has its x axis along the z axis of the body, by its frame (4, 4)."""
+    x, y, *_ = (inverse(body) @ limb.found.mount)[2]
+    angle = float(np.arctan2(y, x))
+    return limb if abs(angle) < EVEN else limb._replace(found=limb.found.turned(angle))
 
 
 def _mount(limb: FileLimb, alike: bool) -> Mount:

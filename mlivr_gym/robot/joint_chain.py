@@ -85,6 +85,25 @@ class RecognisedArm(NamedTuple):
             limits = [*limits[: held - 1], self.held_limits, *limits[held - 1 :]]
         return self.kind(**self.fields, joint_limits=tuple(limits))
 
+    def turned(self, angle: float) -> RecognisedArm:
+        """Return the arm with its base frame turned about the first axis [rad]."""
+        mount, offsets, fields, limits = (
+            self.mount.copy(),
+            self.offsets.copy(),
+            {},
+            self.held_limits,
+        )
+        c, s = np.cos(angle), np.sin(angle)
+        mount[:3, :2] = mount[:3, :2] @ [[c, -s], [s, c]]
+        if self.fields.get("held_joint") != 1:
+            offsets[0] -= angle
+        elif limits is not None:
+            fields = {"held_angle": self.fields["held_angle"] - angle}
+            limits = limits[0] - angle, limits[1] - angle
+        return self._replace(
+            fields=self.fields | fields, offsets=offsets, mount=mount, held_limits=limits
+        )
+
 
 def foot(chain: JointChain, k: int, other: int) -> Array:
     """Return the point of joint `k`'s axis that is nearest to the axis of another joint [m]."""
@@ -101,6 +120,18 @@ def mount_on(chain: JointChain, x: Array, up: Array) -> Array:
     """Return the mount of an arm, (4, 4): on axis 1 at the height of its base, with given axes."""
     base = chain.base[:3, 3] - chain.anchors[0]
     return rigid(np.stack([x, np.cross(up, x), up], axis=1), chain.anchors[0] + (base @ up) * up)
+
+
+def base_sign(chain: JointChain, shoulder: Array) -> float:
+    """Return the sign of axis 1 with which the shoulder lies over the base."""
+    over = (shoulder - chain.base[:3, 3]) @ chain.axes[0]
+    return sign_of(float(over), float(chain.base[:3, 2] @ chain.axes[0]))
+
+
+def flange_sign(chain: JointChain, wrist: Array) -> float:
+    """Return the sign of the last axis with which it leads from the wrist to the flange."""
+    out = (chain.flange[:3, 3] - wrist) @ chain.axes[-1]
+    return sign_of(float(out), float(chain.flange[:3, 2] @ chain.axes[-1]))
 
 
 def tool_x(flange: Array, out: Array) -> Array:

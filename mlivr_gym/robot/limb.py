@@ -108,8 +108,26 @@ class LimbBase(ABC):
 
     @property
     @abstractmethod
+    def family_code(self) -> int:
+        """Number of the family, see `kinematics.arm`."""
+
+    @property
+    @abstractmethod
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
+
+    @property
+    @abstractmethod
     def lengths(self) -> Array:
         """Lengths of the family [m]."""
+
+    @property
+    @abstractmethod
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the six links, each in that of the link before it, at joint angles of 0.
+
+        Joints turn about the z axes; the last frame is the flange's.
+        """
 
     @property
     @abstractmethod
@@ -246,6 +264,7 @@ class Limb(LimbBase):
     """Lower and upper limit of each joint [rad]."""
     window_starts: SixAngles = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
+    family_code, default_folds = FAMILIES.index("ur"), FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
@@ -276,21 +295,8 @@ class Limb(LimbBase):
         return abs(self.a2) + abs(self.a3)
 
     @property
-    def family_code(self) -> int:
-        """Number of the family, see `kinematics.arm`."""
-        return FAMILIES.index("ur")
-
-    @property
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-        return FOLDS
-
-    @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links, each in that of the link before it, at joint angles of 0.
-
-        Joints turn about the z axes; the last frame is the flange's.
-        """
+        """Frames of the six links."""
         return (
             ((0.0, 0.0, self.d1), STRAIGHT), ((0.0, 0.0, 0.0), FORTH),
             ((self.a2, 0.0, 0.0), STRAIGHT), ((self.a3, 0.0, self.d4), STRAIGHT),

@@ -2,21 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.limb import LinkOffset, LinkQuaternion
-
-
-class Links(Protocol):
-    """A chain of links, as a limb of any family is one."""
-
-    @property
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the links, each in that of the link before it, at joint angles of 0."""
+from mlivr_gym.robot.limb import LimbBase, LinkQuaternion
 
 
 def axes_of(quaternion: LinkQuaternion) -> Array:
@@ -31,7 +21,7 @@ def axes_of(quaternion: LinkQuaternion) -> Array:
     )
 
 
-def link_frames(limb: Links, angles: Array) -> Array:
+def link_frames(limb: LimbBase, angles: Array) -> Array:
     """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
 
     Joint angles have shape (..., 6) [rad].

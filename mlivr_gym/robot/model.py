@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +15,9 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
+from mlivr_gym.robot.link_frames import axes_of
 from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.values import as_triple
 
 ROBOT, SURROUNDINGS = 1, 2
 """Bits of `contype` and `conaffinity`.
@@ -32,6 +33,42 @@ SHORTEST = 1e-6
 """Length of an axis that MuJoCo accepts [m]."""
 
 _TOUCHES = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
+
+
+class RobotJoint(NamedTuple):
+    """A joint about the z axis of the link that it moves."""
+
+    name: str
+    """Its name."""
+    limits: tuple[float, float]
+    """Lower and upper limit [rad]."""
+    torque: float
+    """Largest torque [N m]."""
+    speed: float
+    """Largest speed [rad/s]."""
+    rotor: float
+    """Inertia of its rotor [kg m^2]."""
+
+
+class RobotLink(NamedTuple):
+    """A link of a robot."""
+
+    name: str
+    """Its name."""
+    parent: str
+    """Name of the link that carries it, empty for the body."""
+    origin: Array
+    """Its origin in the frame of that link [m], shape (3,)."""
+    rotation: Array
+    """Its axes in that frame, shape (3, 3)."""
+    quaternion: Array | Sequence[float]
+    """The same as a quaternion w, x, y, z."""
+    solid: RigidBody
+    """Its mass, centre and inertia."""
+    capsules: tuple[Capsule, ...]
+    """Its collision shapes."""
+    joint: RobotJoint | None
+    """The joint that moves it, None if it is fixed."""
 
 
 def rgba(colour: str) -> tuple[float, float, float, float]:
@@ -55,12 +92,39 @@ def robot_spec_alone(robot: DerivedFigures) -> Any:
     spec.compiler.degree = False  # MuJoCo would take the ranges of joints for degrees
     spec.option.gravity = [0.0, 0.0, 0.0]
     spec.add_material(name="matt", specular=0.1, shininess=0.1)
-    base = _add_base(spec, robot)
+    made = {"base": _add_base(spec, robot)}
     for i in range(robot.limbs):
-        links = _add_limb(base, robot, i)
-        links["gripper"] = _add_gripper(links["wrist_3"], robot, i)
-        _add_capsules(links, robot, i)
+        for link in limb_links(robot, i, known_dynamics(robot, i)):
+            _add_link(made, link, robot.tool_length, LIMB_COLOURS[i])
     return spec
+
+
+def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterator[RobotLink]:
+    """Yield base, links and gripper of a limb, each after the one that carries it.
+
+    Their names are `limb{i}` and `limb{i}/{link}`; the gripper is fixed to the flange.
+    """
+    shapes = robot.mounted[i].capsules or ()
+    parts = {name: tuple(c for c in shapes if c.link == name) for name in LINKS}
+    none, parent, limb = np.zeros(3), f"limb{i}", robot.every_limb[i]
+    place, turn = robot.mount_positions[i], robot.mount_rotations[i]
+    base = parent, "base", place, turn, quaternion_of(turn), dynamics.base_link, parts["base"]
+    yield RobotLink(*base, None)
+    for k, (origin, quaternion) in enumerate(limb.link_offsets):
+        centre = as_triple(np.array(dynamics.centres[k]))
+        joint = RobotJoint(
+            f"limb{i}/joint{k + 1}", tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
+            dynamics.speed_limits[k], dynamics.rotor_inertias[k],
+        )  # fmt: skip
+        name = f"limb{i}/{LINKS[k + 1]}"
+        yield RobotLink(
+            name, parent, np.array(origin), np.round(axes_of(quaternion), 15), quaternion,
+            RigidBody(dynamics.masses[k], centre, dynamics.inertias[k]), parts[LINKS[k + 1]], joint,
+        )  # fmt: skip
+        parent = name
+    gripper = gripper_link(robot.gripper_mass, robot.tool_length)
+    straight = none, np.eye(3), (1.0, 0.0, 0.0, 0.0)
+    yield RobotLink(f"limb{i}/gripper", parent, *straight, gripper, parts["gripper"], None)
 
 
 def quaternion_of(rotation: Array) -> Array:
@@ -111,68 +175,44 @@ def _add_base(spec: Any, robot: DerivedFigures) -> Any:
     return base
 
 
-def _add_limb(base: Any, robot: DerivedFigures, i: int) -> dict[str, Any]:
-    """Add the links of a limb with joints and inertias; return them by name."""
+def _add_link(made: dict[str, Any], link: RobotLink, tool_length: float, limb_colour: str) -> None:
+    """Add a link of a limb with its joint and shapes, and the sites of flange and grasp point.
+
+    Links have two shades of the limb's colour.
+    """
     import mujoco
 
-    limb, dynamics = robot.every_limb[i], known_dynamics(robot, i)
-    mount = quaternion_of(robot.mount_rotations[i])
-    parent = base.add_body(name=f"limb{i}", pos=robot.mount_positions[i], quat=mount)
-    _set_inertia(parent, dynamics.base_link)
-    links = {"base": parent}
-    for k, ((offset, quaternion), link) in enumerate(
-        zip(limb.link_offsets, LINKS[1:-1], strict=True)
-    ):
-        parent = parent.add_body(name=f"limb{i}/{link}", pos=offset, quat=quaternion)
-        links[link] = parent
-        parent.add_joint(
-            name=f"limb{i}/joint{k + 1}", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
-            range=limb.limits[k].tolist(), armature=dynamics.rotor_inertias[k],
-        )  # fmt: skip
-        parent.explicitinertial = True
-        parent.mass, parent.ipos = dynamics.masses[k], dynamics.centres[k]
-        parent.fullinertia = list(dynamics.inertias[k])
-    return links
-
-
-def _set_inertia(body: Any, link: RigidBody) -> None:
-    """Give a body a mass, a centre and an inertia."""
+    parent, part = made[link.parent], link.name.partition("/")[2] or "base"
+    body = parent.add_body(name=link.name, pos=link.origin, quat=link.quaternion)
+    made[link.name] = body
     body.explicitinertial = True
-    body.mass, body.ipos = link.mass, link.centre
-    if any(link.inertia[3:]):
-        body.fullinertia = list(link.inertia)
+    body.mass, body.ipos = link.solid.mass, link.solid.centre
+    if link.joint is None and not any(link.solid.inertia[3:]):
+        body.inertia = list(link.solid.inertia[:3])
     else:
-        body.inertia = list(link.inertia[:3])
-
-
-def _add_gripper(flange: Any, robot: DerivedFigures, i: int) -> Any:
-    """Add the gripper of a limb, and the sites of flange and grasp point."""
-    unseen = {"size": [0.005, 0, 0], "rgba": (0, 0, 0, 0)}
-    flange.add_site(name=f"limb{i}/flange", **unseen)
-    flange.add_site(name=f"limb{i}/grasp", pos=[0, 0, robot.tool_length], **unseen)
-    gripper = flange.add_body(name=f"limb{i}/gripper")
-    _set_inertia(gripper, gripper_link(robot.gripper_mass, robot.tool_length))
-    return gripper
-
-
-def _add_capsules(links: dict[str, Any], robot: DerivedFigures, i: int) -> None:
-    """Add the collision shapes of a limb, links in two shades of its colour."""
-    import mujoco
-
-    colour = rgba(LIMB_COLOURS[i])
-    pale = (*(0.55 * c + 0.45 for c in colour[:3]), 1.0)
-    count: Counter[str] = Counter()
-    for capsule in robot.mounted[i].capsules or ():
-        number = LINKS.index(capsule.link)
-        tint = {0: STEEL_COLOUR, LINKS.index("gripper"): GRIPPER_COLOUR}.get(
-            number, colour if number % 2 == 0 else pale
-        )
-        links[capsule.link].add_geom(
-            name=f"limb{i}/{capsule.link}/{count[capsule.link]}",
+        body.fullinertia = list(link.solid.inertia)
+    if link.joint is not None:
+        body.add_joint(
+            name=link.joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
+            range=link.joint.limits, armature=link.joint.rotor,
+        )  # fmt: skip
+    colour = rgba(limb_colour)
+    if LINKS.index(part) % 2:
+        red, green, blue = (0.55 * c + 0.45 for c in colour[:3])
+        colour = (red, green, blue, 1.0)
+    tint = {"base": STEEL_COLOUR, "gripper": GRIPPER_COLOUR}.get(part, colour)
+    for k, capsule in enumerate(link.capsules):
+        body.add_geom(
+            name=f"{link.name.partition('/')[0]}/{part}/{k}",
             type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*capsule.start, *_shifted(capsule)],
             size=[capsule.radius, 0, 0], rgba=tint, material="matt", mass=0, **_TOUCHES,
         )  # fmt: skip
-        count[capsule.link] += 1
+    if part == "gripper":
+        unseen = {"size": [0.005, 0, 0], "rgba": (0, 0, 0, 0)}
+        parent.add_site(name=link.name.replace("gripper", "flange"), **unseen)
+        parent.add_site(
+            name=link.name.replace("gripper", "grasp"), pos=[0, 0, tool_length], **unseen
+        )
 
 
 def _shifted(capsule: Capsule) -> Sequence[float]:

@@ -68,6 +68,7 @@ class NumericLimb(LimbBase):
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
     family: Annotated[str, Choice((NUMERIC,))] = NUMERIC
     """`"numeric"`."""
+    family_code = 3
 
     def __post_init__(self) -> None:
         """Check frames and limits."""
@@ -135,13 +136,8 @@ class NumericLimb(LimbBase):
         return np.array([np.stack(step) for step in steps]).reshape(-1)
 
     @property
-    def family_code(self) -> int:
-        """Number of the family, see `kinematics.arm`."""
-        return 3
-
-    @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links, each in that of the link before it, at joint angles of 0."""
+        """Frames of the six links."""
         return tuple(zip(self.origins, self.quaternions, strict=True))
 
     @property

@@ -13,8 +13,10 @@ from mlivr_gym.robot.joint_chain import (
     RecognisedArm,
     are_parallel,
     axis_text,
+    base_sign,
     crossing_fault,
     flange_fault,
+    flange_sign,
     foot,
     mount_on,
     rounded,
@@ -41,17 +43,16 @@ def three_parallel(chain: JointChain) -> RecognisedArm | str:
     reason = flange_fault(chain, wrist)
     if reason:
         return reason
-    along = float((chain.flange[:3, 3] - wrist) @ chain.axes[5])
     points = np.array([shoulder, bend, wrist])
     literal = _in_family(chain, points, np.array([1.0, 1.0, 1.0, 1.0]), (0.0, 0.0))
     if not np.abs(literal.offsets).max() and _points_out(chain, literal.fields["d6"], 1.0):
         return literal
     normal = chain.axes[1]
     signs = np.array([
-        sign_of((shoulder - chain.base[:3, 3]) @ chain.axes[0], chain.base[:3, 2] @ chain.axes[0]),
+        base_sign(chain, shoulder),
         sign_of((bend - shoulder) @ normal, 1.0),
         sign_of((wrist - bend) @ chain.axes[4], 1.0),
-        sign_of(along, chain.flange[:3, 2] @ chain.axes[5]),
+        flange_sign(chain, wrist),
     ])  # fmt: skip
     return _in_family(chain, points, signs, (-1.0, -1.0))
 

@@ -15,8 +15,10 @@ from mlivr_gym.robot.joint_chain import (
     JointChain,
     RecognisedArm,
     are_parallel,
+    base_sign,
     crossing_fault,
     flange_fault,
+    flange_sign,
     foot,
     mount_on,
     right_angle_fault,
@@ -215,16 +217,12 @@ def _signs(chain: JointChain, points: Points, elbow: int) -> Array:
     axes, names = chain.axes, chain.names
     upper = points.elbow - points.beside
     signs = np.ones(len(names))
-    signs[0] = sign_of(
-        float((points.shoulder - chain.base[:3, 3]) @ axes[0]),
-        float(chain.base[:3, 2] @ axes[0]),
-    )
+    signs[0] = base_sign(chain, points.shoulder)
     outward = np.cross(signs[0] * axes[0], axes[1])
     ahead = float(chain.base[:3, 0] @ outward)
     signs[1] = sign_of(float((points.shoulder - points.foot) @ outward), ahead)
     signs[-3] = sign_of(float((points.wrist - points.elbow) @ axes[-3]), 1.0)
-    out = float((chain.flange[:3, 3] - points.wrist) @ axes[-1])
-    signs[-1] = sign_of(out, float(chain.flange[:3, 2] @ axes[-1]))
+    signs[-1] = flange_sign(chain, points.wrist)
     if elbow == 3:
         signs[2] = sign_of(float(upper @ axes[2]), 1.0)
     else:

@@ -7,24 +7,39 @@ turn the file's joint angles into the family's, or the reason why the chain is o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.joint_chain import (
+    ALIGNED,
+    EXACT,
     HeldJoint,
     JointChain,
     RecognisedArm,
     are_parallel,
     axis_text,
+    base_sign,
     crossing_fault,
+    flange_fault,
+    flange_sign,
+    foot,
     right_angle_fault,
+    rounded,
+    tool_x,
 )
-from mlivr_gym.robot.recognised_numeric import any_six_joints
+from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.recognised_ur import three_parallel
 from mlivr_gym.robot.recognised_wrist import spherical_shoulder, spherical_wrist
+
+JOINTS = 6
+"""Number of joints of an arm that is solved numerically."""
 
 
 class ArmFamily(NamedTuple):
@@ -64,10 +79,9 @@ def recognised(chain: JointChain) -> RecognisedArm:
     tried: list[tuple[int, int, ArmFamily]] = []
     for family in FAMILIES:
         seen = chain if family.joints == len(chain.names) else chain.moving
-        count = len(seen.names)
-        if count != family.joints:
-            joints = "joint" if count == 1 else "joints"
-            reasons.append(f"{family.name}: it has {count} {joints}, not {family.joints}")
+        fault = _count_fault(seen, family.joints)
+        if fault:
+            reasons.append(f"{family.name}: {fault}")
             continue
         found = family.recognise(seen)
         if isinstance(found, RecognisedArm):
@@ -76,7 +90,7 @@ def recognised(chain: JointChain) -> RecognisedArm:
         tried.append((family.broken(seen), len(tried), family))
     others = _other_held(chain)
     if not others:
-        numeric = any_six_joints(chain.moving)
+        numeric = _any_six_joints(chain.moving)
         if isinstance(numeric, RecognisedArm):
             return numeric
         reasons.append(f"solved numerically: {numeric}")
@@ -89,6 +103,14 @@ def recognised(chain: JointChain) -> RecognisedArm:
         f"family ({'; '.join(reasons)}){others or _nearest(tried)}; "
         f"axes of its joints: {axes}"
     )
+
+
+def _count_fault(chain: JointChain, joints: int) -> str:
+    """Return why a chain has not as many joints as a form, empty if it has."""
+    count = len(chain.names)
+    if count == joints:
+        return ""
+    return f"it has {count} {'joint' if count == 1 else 'joints'}, not {joints}"
 
 
 def _nearest(tried: list[tuple[int, int, ArmFamily]]) -> str:
@@ -121,6 +143,66 @@ def _other_held(chain: JointChain) -> str:
         f"; with held_joint {' or '.join(names)} it is of the family {family!r}"
         for family, names in found.items()
     )
+
+
+def _any_six_joints(chain: JointChain) -> RecognisedArm | str:
+    """Return the arm, or why it cannot be solved.
+
+    The frame of each link lies at the file's zero, its origin as near to the one before as it may.
+    """
+    fault = _count_fault(chain, JOINTS)
+    if fault:
+        return fault
+    if are_parallel(chain, 4, 5):
+        return f"the axes of joints {chain.names[4]!r} and {chain.names[5]!r} are parallel"
+    wrist = foot(chain, 5, 4)
+    fault = flange_fault(chain, wrist)
+    if fault:
+        return fault
+    signs = np.ones(JOINTS)
+    shoulder = foot(chain, 0, 1) if not are_parallel(chain, 0, 1) else chain.anchors[0]
+    signs[0], signs[5] = base_sign(chain, shoulder), flange_sign(chain, wrist)
+    axes = signs[:, None] * chain.axes
+    mount = _frame(tool_x(chain.base, axes[0]), axes[0], shoulder)
+    base = float((chain.base[:3, 3] - shoulder) @ axes[0])
+    mount[:3, 3] = shoulder + base * axes[0]
+    frames = [mount, _frame(mount[:3, 0], axes[0], shoulder)]
+    for k in range(1, 5):
+        before = frames[-1]
+        share = (before[:3, 3] - chain.anchors[k]) @ axes[k]
+        origin = chain.anchors[k] + share * axes[k]
+        if k == 1 and not are_parallel(chain, 0, 1):
+            origin = foot(chain, 1, 0)
+        x = np.cross(axes[k - 1], axes[k])
+        size = float(np.linalg.norm(x))
+        frames.append(_frame(x / size if size > ALIGNED else before[:3, 0], axes[k], origin))
+    frames.append(_frame(tool_x(chain.flange, axes[5]), axes[5], chain.flange[:3, 3]))
+    origins, quaternions = [], []
+    for before, after in itertools.pairwise(frames):
+        step = np.linalg.inv(before) @ after
+        step[np.abs(step) < EXACT] = 0.0
+        origins.append(tuple(rounded(part) for part in step[:3, 3]))
+        quaternions.append(_quaternion(step[:3, :3]))
+    fields: dict[str, Any] = {"origins": tuple(origins), "quaternions": tuple(quaternions)}
+    try:
+        NumericLimb(**fields, joint_limits=((-np.pi, np.pi),) * JOINTS)
+    except RobotError as error:
+        return str(error)
+    return RecognisedArm(NumericLimb, fields, signs, np.zeros(JOINTS), mount)
+
+
+def _frame(x: Array, z: Array, origin: Array) -> Array:
+    """Return the frame of an origin, its z axis, and an x axis that is made to be across it."""
+    across = x - (x @ z) * z
+    across = across / np.linalg.norm(across)
+    return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)
+
+
+def _quaternion(rotation: Array) -> tuple[float, ...]:
+    """Return the quaternion w, x, y, z of a rotation."""
+    turn = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+    w, x, y, z = (turn + 0.0).tolist()
+    return w, x, y, z
 
 
 FAMILIES: tuple[ArmFamily, ...] = (

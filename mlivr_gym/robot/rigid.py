@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.description import LEAST_MASS
-from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.values import Triple
 
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -37,23 +35,6 @@ class RigidBody(NamedTuple):
         x, y, z = (frame[:3, 3] + turn @ np.array(self.centre)).tolist()
         inertia = turn @ _inertia_matrix(self) @ turn.T
         return RigidBody(self.mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
-
-
-def joined(model: Any, data: Any, numbers: Iterable[int], frame: Array) -> RigidBody:
-    """Return bodies of a model, by their numbers, as one, as seen from a frame.
-
-    The frame in the world has shape (4, 4); the data have the poses of bodies.
-    """
-    parts = []
-    for body in numbers:
-        mass = float(model.body_mass[body])
-        if mass > 2.0 * LEAST_MASS:
-            place = rigid(data.ximat[body].reshape(3, 3), data.xipos[body])
-            moments = (*model.body_inertia[body].tolist(), 0.0, 0.0, 0.0)
-            parts.append(RigidBody(mass, (0.0, 0.0, 0.0), moments).moved(place))
-    if not parts:
-        return RigidBody(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
-    return combined(parts).moved(inverse(frame))
 
 
 def combined(parts: Sequence[RigidBody]) -> RigidBody:

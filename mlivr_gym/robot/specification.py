@@ -18,10 +18,10 @@ import numpy as np
 
 from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import RobotError, shortened
+from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
-from mlivr_gym.robot.build_checks import check_cargo
+from mlivr_gym.robot.build_checks import check_build, check_cargo
 from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
@@ -205,9 +205,13 @@ class RobotSpec(DerivedFigures):
         `tool_frame` or `speed_limits`, and further fields of a robot. Raises a `RobotError` if the
         file cannot be read, or describes a robot that is not supported.
         """
-        from mlivr_gym.robot.from_file import robot_of_file
+        from mlivr_gym.robot.from_file import read_robot
 
-        return robot_of_file(path, cls.from_dict, options)
+        file = read_robot(path, **options)
+        place = FieldPath(f"robot {path_shown(path)}", RobotError)
+        robot = place.build(cls.from_dict, file.fields)
+        place.build(check_build, robot)
+        return robot
 
     from_mjcf = from_urdf
     """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
@@ -245,7 +249,7 @@ class RobotSpec(DerivedFigures):
         """
         from mlivr_gym.robot.export import as_mjcf
 
-        return as_mjcf(self, self.to_dict(), path)
+        return as_mjcf(self, path)
 
     def to_urdf(self, path: str | Path | None = None) -> str:
         """Return the robot as URDF, written to a file if `path` is given; errors as in `to_mjcf`.
@@ -254,7 +258,7 @@ class RobotSpec(DerivedFigures):
         """
         from mlivr_gym.robot.export import as_urdf
 
-        return as_urdf(self, self.to_dict(), path)
+        return as_urdf(self, path)
 
 
 SIZE = Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")

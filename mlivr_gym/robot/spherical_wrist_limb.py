@@ -239,10 +239,7 @@ class SphericalWristLimb(LimbBase):
 
     @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links, each in that of the link before it, at joint angles of 0.
-
-        Joints turn about the z axes; the last frame is the flange's.
-        """
+        """Frames of the six links."""
         d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.lengths.tolist()
         c, s = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)))
         lean, back = ((c, s, 0.0, 0.0), (c, -s, 0.0, 0.0)) if twist != QUARTER else (FORTH, BACK)

@@ -90,6 +90,7 @@ class SsrmsLimb(Limb):
     """1."""
     held_angle: Angle = 0.0
     """Angle at which it is held [rad]; at 0 the axis of joint 2 is the x axis of the mount."""
+    default_folds = FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -112,11 +113,6 @@ class SsrmsLimb(Limb):
     def reach(self) -> float:
         """An upper bound of the flange's distance from the mount [m]."""
         return abs(self.d0) + super().reach
-
-    @property
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of the first five joints that move at which a free limb may stay folded [rad]."""
-        return FOLDS
 
     @property
     def link_distances(self) -> tuple[float, ...]:

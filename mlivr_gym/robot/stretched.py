@@ -36,11 +36,11 @@ def stretched_capsules(limb: AnyLimb, tool_length: float) -> tuple[Capsule, ...]
     return (*out, gripper_capsule(tool_length))
 
 
-def gripper_capsule(tool_length: float) -> Capsule:
-    """Return the capsule of a gripper that reaches from the flange to the grasp [m]."""
+def gripper_capsule(tool_length: float, behind: float = 0.0) -> Capsule:
+    """Return the capsule of a gripper that x [m]."""
     radius = arm_data("ur5e")["gripper"]["radius"]
     tip = tool_length - radius
-    return Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius)
+    return Capsule("gripper", (0.0, 0.0, min(0.0 - behind, tip)), (0.0, 0.0, tip), radius)
 
 
 def farthest_part(limb: AnyLimb, capsules: tuple[Capsule, ...], tool_length: float) -> float:

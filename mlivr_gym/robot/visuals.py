@@ -64,11 +64,6 @@ class Visual:
         turn = Rotation.from_quat(self.quaternion, scalar_first=True)
         return rigid(turn.as_matrix(), self.position)
 
-    def turned(self, rotation: Array) -> Visual:
-        """Return it in a frame of the link that is turned by a rotation, shape (3, 3)."""
-        mesh = BodyMesh(self.file, self.frame, self.scale, self.colour)
-        return mesh.seen_from(self.link, rigid(rotation.T, np.zeros(3)))
-
 
 VISUAL = Struct.of(Visual)
 """Fields of a `Visual`."""

@@ -7,13 +7,14 @@ import oracle
 import pinocchio as pin
 import pytest
 import station_arm
-from arms import frames, turned
+from arms import turned
 from branches import arm_of, solutions
 from eaik.IK_HP import HPRobot
 from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym import Limb, SsrmsLimb
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
+from mlivr_gym.robot.link_frames import link_frames
 
 WRISTS = LIMBS | OTHERS | FURTHER
 
@@ -85,7 +86,7 @@ def test_eaik_finds_the_same_solutions(name):
         to_base[:3, :3], to_base[:3, 3] = limb.base_in_mount
     for q in random_angles(0):
         flange = flange_of(model, limb, q)[0]
-        np.testing.assert_allclose(frames(limb, q)[6], flange, atol=1e-12)
+        np.testing.assert_allclose(link_frames(limb, q)[6], flange, atol=1e-12)
         pose = to_base @ flange
         pose[:3, :3] = pose[:3, :3] @ axes.T
         assert_same_solutions(limb, robot, pose, flange, limb.moving_angles)

@@ -7,7 +7,6 @@ from arms import (
     angles_nearby,
     branch_of,
     flanges_in_mount,
-    frames,
     jacobian,
     path_near,
     random_posture,
@@ -23,6 +22,7 @@ from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import ARC, CLOSEST_PIVOT, STRAIGHT
 from mlivr_gym.kinematics.certificate import Proof, certify
 from mlivr_gym.kinematics.families import branch_terms, stays_above
+from mlivr_gym.robot.link_frames import link_frames
 
 each_limb = pytest.mark.parametrize("limb", NEAR.values(), ids=NEAR)
 HERE = mounted()
@@ -89,7 +89,7 @@ def square_of(limb, q):
 def proved(limb, q, change):
     """The largest floor that the bounds prove round joint angles; None if they prove nothing."""
     arm, terms, choice = arm_of(limb), np.zeros((4, 4)), branch_of(limb, q) >> 1
-    called(branch_terms)(arm, flange_axis(frames(limb, q)[6]), terms)
+    called(branch_terms)(arm, flange_axis(link_frames(limb, q)[6]), terms)
     if not called(stays_above)(arm, terms, choice, change, 0.0):
         return None
     low, high = 0.0, square_of(limb, q)

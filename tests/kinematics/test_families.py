@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 import station_arm
-from arms import ARMS, frames, jacobian, truth, turned
+from arms import ARMS, jacobian, truth, turned
 from branches import arm_of, flange_axis
 from branches import solutions as solutions_of
 from compiled import called
@@ -13,10 +13,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import volume
 
-from mlivr_gym.kinematics import spherical_wrist, ur
-from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR, JointAxes
-from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes, link_frames
+from mlivr_gym.kinematics import families
+from mlivr_gym.kinematics.arm import JointAxes
+from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes
 from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.robot.link_frames import link_frames
 
 each_arm = pytest.mark.parametrize("name", ARMS)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6).map(np.array)
@@ -35,12 +36,8 @@ def regular(name):
 @each_arm
 @given(angles)
 @MANY
-def test_forward_kinematics_and_jacobian_agree_with_pinocchio(name, q):
-    limb, (pose, columns, _) = ARMS[name], truth(ARMS[name], q)
-    np.testing.assert_allclose(frames(limb, q)[6], pose, atol=1e-12)
-    if limb.family_code != SPHERICAL_SHOULDER:
-        closed_form = ur if limb.family_code == UR else spherical_wrist
-        np.testing.assert_allclose(closed_form.jacobian(q, limb.lengths), columns, atol=1e-12)
+def test_frames_along_the_links_lead_to_the_flange_of_pinocchio(name, q):
+    np.testing.assert_allclose(link_frames(ARMS[name], q)[6], truth(ARMS[name], q)[0], atol=1e-12)
 
 
 def check_all_branches(name, q):
@@ -89,7 +86,7 @@ def test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches():
 
 @each_arm
 def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6(name):
-    pose = frames(ARMS[name], np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0]))[6]
+    pose = link_frames(ARMS[name], np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0]))[6]
     flipped = pose.copy()
     flipped[:3, :2] *= -1.0
     (mask, a), (flipped_mask, b) = solutions(name, pose), solutions(name, flipped)
@@ -102,7 +99,7 @@ def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6(name):
 @each_arm
 def test_no_flange_is_farther_than_the_reach_and_none_there_has_a_solution(name):
     limb, rng = ARMS[name], np.random.default_rng(0)
-    flanges = [frames(limb, q)[6, :3, 3] for q in rng.uniform(-np.pi, np.pi, (500, 6))]
+    flanges = [link_frames(limb, q)[6, :3, 3] for q in rng.uniform(-np.pi, np.pi, (500, 6))]
     assert np.linalg.norm(flanges, axis=1).max() <= limb.reach
     pose = np.eye(4)
     pose[0, 3] = 1.1 * limb.reach
@@ -117,7 +114,7 @@ def test_no_flange_is_farther_than_the_reach_and_none_there_has_a_solution(name)
 @example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
 def test_terms_and_axes_give_the_jacobian_without_joint_angles(name, q):
     """The determinant factorises, and is a lower bound of that of all seven joints."""
-    arm, pose = arm_of(ARMS[name]), frames(ARMS[name], q)[6]
+    arm, pose = arm_of(ARMS[name]), link_frames(ARMS[name], q)[6]
     slack, close = ((0.0,), 1e-4) if name == "station" else ((), 1e-5)
     mask, out = solutions(name, pose, *slack)
     terms, axes = np.empty((4, 4)), JointAxes.row()
@@ -145,7 +142,7 @@ def test_terms_and_axes_give_the_jacobian_without_joint_angles(name, q):
 @example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
 @example(np.array([0.3, 0.0, 0.0, 0.2, 0.0, -2.0]))
 def test_without_slack_singular_postures_alone_are_missing(name, q):
-    pose = frames(ARMS[name], q)[6]
+    pose = link_frames(ARMS[name], q)[6]
     (mask, out), (strict, same) = solutions(name, pose), solutions(name, pose, 0.0)
     assert strict & ~mask == 0
     for branch in range(8):
@@ -159,19 +156,13 @@ def test_without_slack_singular_postures_alone_are_missing(name, q):
 @given(angles)
 @MANY
 def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles(name, q):
-    """Frames 2 and 3 of a UR's links lie at the near end of the link, of its table at the far one.
-
-    The axes of link 6 across that of the flange do not matter.
-    """
-    limb, arm, form = ARMS[name], arm_of(ARMS[name]), frames(ARMS[name], q)
+    """The axes of link 6 across that of the flange do not matter."""
+    limb, arm, form = ARMS[name], arm_of(ARMS[name]), link_frames(ARMS[name], q)
     found, built, axes = np.empty((7, 4, 3)), np.empty((7, 4, 3)), JointAxes.row()
-    called(link_frames)(arm, q, found)
-    near = [0, 1, 1, 2, 4, 5, 6] if limb.family_code == UR else range(7)
-    np.testing.assert_allclose(found[:, 0], form[list(near), :3, 3], atol=1e-12)
+    called(families.link_frames)(arm, q, found)
+    np.testing.assert_allclose(found[:, 0], form[:, :3, 3], atol=1e-12)
     np.testing.assert_allclose(found[6, 3], form[6, :3, 2], atol=1e-12)
-    if limb.family_code != UR:
-        expected = form[:6, :3, :3].transpose(0, 2, 1)
-        np.testing.assert_allclose(found[:6, 1:], expected, atol=1e-12)
+    np.testing.assert_allclose(found[:6, 1:], form[:6, :3, :3].transpose(0, 2, 1), atol=1e-12)
     for turn in found[:, 1:]:
         np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
         assert np.linalg.det(turn) == pytest.approx(1.0)
@@ -179,7 +170,7 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
     for branch in range(8):
         if not mask >> branch & 1 or volume(jacobian(limb, out[branch])) < regular(name):
             continue
-        called(link_frames)(arm, out[branch], found)
+        called(families.link_frames)(arm, out[branch], found)
         assert called(branch_frames)(arm, flange_axis(form[6]), branch, axes, built)
         np.testing.assert_allclose(built[:6], found[:6], atol=1e-7)
         np.testing.assert_allclose(built[6, [0, 3]], found[6, [0, 3]], atol=1e-9)
@@ -192,8 +183,8 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
 def test_links_of_the_station_arm_are_the_published_bodies(locked, q):
     """Those of link 6 across the flange axis do not matter."""
     published, found = station_arm.links(locked, q), np.empty((7, 4, 3))
-    called(link_frames)(arm_of(station_arm.LIMB), q, found)
+    called(families.link_frames)(arm_of(station_arm.LIMB), q, found)
     expected = published[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
     np.testing.assert_allclose(found[:6], expected[:6], atol=1e-12)
     np.testing.assert_allclose(found[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
-    np.testing.assert_allclose(frames(station_arm.LIMB, q)[6], published[6], atol=1e-12)
+    np.testing.assert_allclose(link_frames(station_arm.LIMB, q)[6], published[6], atol=1e-12)

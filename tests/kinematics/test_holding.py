@@ -32,7 +32,7 @@ from mlivr_gym.kinematics.holding import (
     held_branches,
     in_windows,
 )
-from mlivr_gym.kinematics.track import Track, begin
+from mlivr_gym.kinematics.limb import Track, begin
 
 HERE = mounted()
 

@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import ARC, base_path, base_poses
-from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.kinematics.path_following import joints_along, poses
-from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.kinematics.poses import pose, poses
+from mlivr_gym.robot.link_frames import link_frames
 
 LIMB = Limb()
 ROBOT = LimbShapes(robot_spec("mlivr2"))
@@ -21,7 +21,7 @@ ROBOT = LimbShapes(robot_spec("mlivr2"))
 def flange_in_world(base, spec, i, q):
     """Position and rotation of the flange of limb `i`, of a base position and rotation."""
     place, axes = base
-    frame = forward_kinematics(q, spec.limb.lengths)[6]
+    frame = link_frames(spec.limb, q)[6]
     mount, origin = spec.mount_rotations[i], spec.mount_positions[i]
     return (
         place + axes @ (origin + mount @ frame[:3, 3]),
@@ -38,7 +38,7 @@ def test_angles_of_all_branches_reach_the_flange_where_there_are_some(seed, i):
     place, axes = flange_in_world(base, spec, i, q)
     out = Angles.rows(8)
     all_angles_at(ROBOT.rows, i, pose(*base), pose(place, axes), out)
-    frame = forward_kinematics(q, LIMB.lengths)[6]
+    frame = link_frames(LIMB, q)[6]
     mask, _ = solutions(mounted()["arm"], frame[:3, 3], frame[:3, :3])
     off = []
     for branch in range(8):
@@ -64,7 +64,7 @@ def test_angles_along_a_path_reach_the_flange_and_go_on_from_the_reference(turns
     last = (np.array([0.05, -0.1, 0.08]), Rotation.from_rotvec([0.1, 0.2, -0.1]).as_matrix())
     path = base_path(pose(*first), pose(*last), ARC, place)
     positions, rotations = base_poses(path, np.linspace(0.0, 1.0, 25))
-    mask, branches = solutions(mounted()["arm"], *_split(forward_kinematics(start, LIMB.lengths)))
+    mask, branches = solutions(mounted()["arm"], *_split(link_frames(LIMB, start)))
     there = [b for b in range(8) if mask >> b & 1]
     branch = min(there, key=lambda b: np.abs(np.exp(1j * branches[b]) - np.exp(1j * start)).max())
     reference, out = Angles.row(), Angles.rows(25)

@@ -17,16 +17,16 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.kinematics.families import (
     branch_frames,
     branch_terms,
-    forward_kinematics,
     grasp_motion,
     held_turns,
     joint_axes,
     link_motion,
 )
 from mlivr_gym.kinematics.holding import Holding, held_branches
+from mlivr_gym.kinematics.limb import Track, begin
 from mlivr_gym.kinematics.numeric_path import follow_numerically
-from mlivr_gym.kinematics.track import Track, begin
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns
+from mlivr_gym.robot.link_frames import link_frames
 
 each_arm = pytest.mark.parametrize("name", LIMBS)
 LEAST = 5e-3
@@ -55,7 +55,7 @@ def random_poses(name, count, seed=0):
 def test_links_are_where_pinocchio_has_them(name):
     arm, rng = arm_of(LIMBS[name]), np.random.default_rng(0)
     for q in rng.uniform(-np.pi, np.pi, (30, 6)):
-        frames, plain = frames_at(arm, q), forward_kinematics(q, LIMBS[name].lengths, 3)
+        frames, plain = frames_at(arm, q), link_frames(LIMBS[name], q)
         np.testing.assert_allclose(plain[1:], of_pinocchio(name, q), atol=1e-12)
         np.testing.assert_allclose(frames[:, 0], plain[:, :3, 3], atol=1e-12)
         np.testing.assert_allclose(frames[:, 1:], plain[:, :3, :3].transpose(0, 2, 1), atol=1e-12)
@@ -153,7 +153,7 @@ def test_links_and_anchors_move_no_farther_than_bounded(name):
         called(line_turns)(arm, change, turns)
         called(link_motion)(arm, turns, shift, spin)
         grasp = called(grasp_motion)(arm, turns)
-        before, after = (forward_kinematics(p, limb.lengths, 3) for p in (q, q + change))
+        before, after = (link_frames(limb, p) for p in (q, q + change))
         for row in range(5):
             (a, b) = (np.linalg.inv(frames[row]) @ frames for frames in (before, after))
             for link, anchors in limb.anchors.items():

@@ -5,13 +5,14 @@ from dataclasses import asdict, replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from arms import frames, jacobian, turned
+from arms import jacobian, turned
 from branches import arm_of
 from branches import solutions as solutions_of
 from wrist_arms import IIWA, LIMBS, SIX
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.link_frames import link_frames
 
 each_limb = pytest.mark.parametrize("name", LIMBS)
 
@@ -31,7 +32,7 @@ def test_joint_angles_are_the_maker_s_but_for_two_signs():
         pose = pose * pin.SE3(about, np.array([0.0, 0.0, height - last]))
         last = height
     pose = pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.126]))
-    found = frames(replace(IIWA, held_angle=0.7), q)[6]
+    found = link_frames(replace(IIWA, held_angle=0.7), q)[6]
     np.testing.assert_allclose(found, pose.homogeneous, atol=1e-12)
 
 
@@ -43,7 +44,7 @@ def test_labels_change_only_where_the_determinant_is_zero(name):
         ends = rng.uniform(-np.pi, np.pi, (2, 6))
         last, changes = None, 0
         for q in np.linspace(*ends, 300):
-            pose = frames(limb, q)[6]
+            pose = link_frames(limb, q)[6]
             mask, out = solutions(name, pose)
             off = [turned(out[b], q) if mask >> b & 1 else np.inf for b in range(8)]
             here = int(np.argmin(off)), np.linalg.det(jacobian(limb, q))

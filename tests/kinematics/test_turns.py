@@ -8,7 +8,6 @@ from arms import (
     NEAR,
     angles_nearby,
     flanges_in_mount,
-    frames,
     frames_at,
     jacobian,
     path_near,
@@ -26,6 +25,7 @@ from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses, travel_see
 from mlivr_gym.kinematics.families import grasp_motion, held_turns, link_motion
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.kinematics.turns import FlangeMotion, Turns, line_turns, lower_turns, more_turns
+from mlivr_gym.robot.link_frames import link_frames
 
 OFFSET = {"gen3-offset": FURTHER["gen3-offset"]}
 """An arm whose shoulder lies far beside the plane of its elbow."""
@@ -202,7 +202,7 @@ def test_links_move_no_farther_followed_from_the_grasp(limb):
         called(line_turns)(arm, change, turns)
         bound = called(grasp_motion)(arm, turns)
         before, after = (
-            np.linalg.inv(f[6]) @ f for f in (frames(limb, q), frames(limb, q + change))
+            np.linalg.inv(f[6]) @ f for f in (link_frames(limb, q), link_frames(limb, q + change))
         )
         for link, most in ((5, bound.wrist_2), (4, bound.wrist_1), (3, bound.forearm),
                            (2, bound.upper_arm)):  # fmt: skip

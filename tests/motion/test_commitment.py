@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from arms import jacobian
 from held_points import assert_held
 from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
@@ -14,9 +15,9 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.kinematics.ur import forward_kinematics, jacobian
 from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -37,7 +38,7 @@ def test_a_plan_can_be_executed(jem, small_map, limbs, seed):
     for k, stance in enumerate(plan.stances):
         assert_held(
             robot, grasp_map, stance, plan.configuration(k),
-            lambda q: forward_kinematics(q, robot.limb.lengths)[6], 1e-6,
+            lambda q: link_frames(robot.limb, q)[6], 1e-6,
         )  # fmt: skip
     for k, step in enumerate(plan.steps):
         ends = []
@@ -76,13 +77,13 @@ def track(q, positions, rotations, grasp_map, robot, limb, point):
     for position, rotation in zip(positions, rotations, strict=True):
         mount = rotation @ robot.mount_rotations[limb]
         for _ in range(4):
-            frame = forward_kinematics(q, robot.limb.lengths)[6]
+            frame = link_frames(robot.limb, q)[6]
             sign = sign or float(np.sign((mount @ frame[:3, 0]) @ x))
             want = mount.T @ np.column_stack([sign * x, np.cross(z, sign * x), z])
             place = mount.T @ (grip - position - rotation @ robot.mount_positions[limb])
             spin = 0.5 * sum(np.cross(frame[:3, c], want[:, c]) for c in range(3))
             q += np.linalg.solve(
-                jacobian(q, robot.limb.lengths), np.concatenate([place - frame[:3, 3], spin])
+                jacobian(robot.limb, q), np.concatenate([place - frame[:3, 3], spin])
             )
     return q
 
@@ -176,8 +177,8 @@ def test_manipulability_of_a_plan_is_that_of_its_joint_angles(small_map, limbs):
     for k, joints in enumerate(motion.joint_positions):
         jacobians, grasps = [], []
         for i, q in enumerate(joints):
-            frame = forward_kinematics(q, robot.limb.lengths)[6]
-            of_limb, mount = jacobian(q, robot.limb.lengths), robot.mount_rotations[i]
+            frame = link_frames(robot.limb, q)[6]
+            of_limb, mount = jacobian(robot.limb, q), robot.mount_rotations[i]
             assert motion.w_m[k, i] == pytest.approx(limb_manipulability(of_limb, l_c), rel=1e-6)
             tool = robot.tool_length * frame[:3, 2]
             of_limb[:3] += np.cross(of_limb[3:].T, tool).T
@@ -203,7 +204,7 @@ def test_a_hold_is_on_the_branch_whose_least_manipulability_is_the_largest(small
                     joints = graph.joints(points, postures, bits)[first : last + 1, limb]
                     least[bit & 7] = min(
                         limb_manipulability(
-                            jacobian(q, graph.robot.limb.lengths), graph.robot.characteristic_length
+                            jacobian(graph.robot.limb, q), graph.robot.characteristic_length
                         )
                         for q in joints
                     )

@@ -8,9 +8,9 @@ from robot_texts import FRANKA, GEN3, one_arm
 
 from mlivr_gym import RobotSpec, Settings, stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.link_frames import link_frames
 
 HELD = {
     "franka": (FRANKA, {"held_joint": "joint6", "held_angle": 1.8}),
@@ -41,7 +41,7 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
         return data.oMf[tool].homogeneous.copy()
 
     def ours(angles):
-        return forward_kinematics(angles, robot.limb.lengths, robot.limb.family_code)[-1]
+        return link_frames(robot.limb, angles)[-1]
 
     there = np.linspace(-1.0, 1.0, 6)
     to_base = ours(file.from_file_angles(there)[0]) @ np.linalg.inv(flange(there))

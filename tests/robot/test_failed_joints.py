@@ -9,7 +9,7 @@ from wrist_arms import IIWA, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.robot.link_frames import link_frames
 
 ROBOT = replace(robot_spec("mlivr2"), name="pair", limb=replace(IIWA, held_angle=0.8),
                 folds=IIWA.default_folds)  # fmt: skip
@@ -25,7 +25,7 @@ def test_the_flange_stays_where_it_is_when_a_joint_fails(joint):
         limb = spec.every_limb[0]
         moving = limb.moving_angles(ANGLES)
         np.testing.assert_allclose(limb.all_angles(moving), ANGLES)
-        flange = forward_kinematics(moving, limb.lengths, limb.family_code)[-1]
+        flange = link_frames(limb, moving)[-1]
         mount = pin.SE3(spec.mount_rotations[0], spec.mount_positions[0]).homogeneous
         seen.append(mount @ flange)
     pose = flange_of(model, ROBOT.limb, ROBOT.limb.moving_angles(ANGLES))[0]

@@ -4,7 +4,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from branches import arm_of, solutions
-from robot_texts import IIWA14, KR16, UR10E, frames_of, one_arm, whole_robot, written
+from robot_texts import (
+    IIWA14,
+    INERTIAL,
+    KR16,
+    SHAPE,
+    UR10E,
+    frames_of,
+    joint_of,
+    one_arm,
+    whole_robot,
+    written,
+)
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import RobotError
@@ -120,7 +131,7 @@ def test_there_are_as_many_solutions_as_branches_of_the_family(tmp_path, name):
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_limbs_of_a_whole_robot_have_their_own_angles(tmp_path, count):
-    """Mounted evenly, their bases are turned upright; a flange may be moved along its axis."""
+    """Mounted evenly, their bases are turned upright."""
     places = []
     for angle in 2.0 * np.pi * np.arange(count) / count:
         turn = Rotation.from_euler("ZYZ", [angle, 0.5 * np.pi, 0.7])
@@ -131,10 +142,27 @@ def test_limbs_of_a_whole_robot_have_their_own_angles(tmp_path, count):
     assert "mounts" not in file.fields
     q = np.random.default_rng(0).uniform(0.4, 1.4, (count, 6))
     np.testing.assert_allclose(file.exact_file_angles(q), file.to_file_angles(q), atol=1e-9)
-    for limb, angles, theirs in zip(file.file_limbs, q, file.to_file_angles(q), strict=True):
-        moved = limb.with_tool_length(limb.tool_length - 0.03)
-        flange = link_frames(moved.limb, angles)[6]
-        np.testing.assert_allclose(moved.chain.flange_at(theirs), flange, atol=1e-8)
+
+
+def test_flanges_are_moved_along_their_axes_so_that_all_tools_are_equal(tmp_path):
+    """A gripper of 0.02 m at one arm, none at the other, which is given one of 0.05 m."""
+    places, palm, grasp = [np.eye(4), np.eye(4)], np.eye(4), np.eye(4)
+    places[0][0, 3], places[1][0, 3], grasp[2, 3] = -0.5, 0.5, 0.02
+    hand = joint_of("palm", "fixed", "arm0_tool0", "arm0_palm", palm, "")
+    hand += joint_of("grasp", "fixed", "arm0_palm", "arm0_grasp", grasp, "")
+    hand += f'<link name="arm0_palm">{INERTIAL.format(mass=0.3)}{SHAPE}</link>'
+    hand += '<link name="arm0_grasp"/></robot>'
+    text = whole_robot(places).replace("</robot>", hand)
+    file, model = read_robot(written(tmp_path, text)), pin.buildModelFromXML(text)
+    assert file.fields["tool_length"] == 0.02
+    data, theirs = model.createData(), np.random.default_rng(0).uniform(0.4, 1.4, (2, 6))
+    pin.framesForwardKinematics(model, data, theirs.ravel())
+    for k, (limb, q) in enumerate(zip(file.file_limbs, file.from_file_angles(theirs), strict=True)):
+        flange = link_frames(limb.limb, q)[6]
+        np.testing.assert_allclose(limb.chain.at(theirs[k])[2], flange, atol=1e-8)
+        tool = data.oMf[model.getFrameId(f"arm{k}_tool0")].homogeneous
+        reached = (limb.mount @ flange)[:3] @ [0.0, 0.0, 0.02, 1.0]
+        np.testing.assert_allclose(reached, tool[:3] @ [0.0, 0.0, (0.02, 0.05)[k], 1.0], atol=1e-8)
 
 
 def test_a_singular_posture_has_no_exact_angles(tmp_path):

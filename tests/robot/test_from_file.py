@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from robot_texts import UR10E, one_arm, whole_robot, written
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
@@ -64,6 +65,19 @@ def test_evenly_mounted_arms_are_recognised(tmp_path, count):
     assert robot.mounts is None
     assert robot.limbs == count
     assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+
+
+def test_first_joints_that_turn_without_end_are_turned_with_their_bases(tmp_path):
+    places = []
+    for angle in (0.0, np.pi):
+        turn = Rotation.from_euler("ZYZ", [angle, 0.5 * np.pi, 0.7])
+        places.append(np.eye(4))
+        places[-1][:3, :3], places[-1][:3, 3] = turn.as_matrix(), 0.2 * turn.as_matrix()[:, 2]
+    text = whole_robot(places).replace('joint1" type="revolute"', 'joint1" type="continuous"')
+    robot = RobotSpec.from_urdf(written(tmp_path, text))
+    assert robot.mounts is None
+    low, high = robot.limb.joint_limits[0]
+    assert high - low > 30.0 * np.pi
 
 
 def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):

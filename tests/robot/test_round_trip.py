@@ -12,7 +12,7 @@ from unequal_robots import unequal
 
 from mlivr_gym import NumericLimb, RobotSpec, Settings, robot_spec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.families import forward_kinematics
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINTS
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -46,10 +46,9 @@ def assert_same(one, other):
         close(getattr(one, figure), getattr(other, figure))
     rng = np.random.default_rng(0)
     for i in range(one.limbs):
-        arms = [(limb.lengths, limb.family_code) for limb in (one.every_limb[i],
-                                                              other.every_limb[i])]  # fmt: skip
-        for q in rng.uniform(-np.pi, np.pi, (5, 6)):
-            close(*(forward_kinematics(q, *arm)[-1] for arm in arms))
+        limbs = one.every_limb[i], other.every_limb[i]
+        angles = rng.uniform(-np.pi, np.pi, (5, 6))
+        close(*(link_frames(limb, angles)[:, -1] for limb in limbs))
         close(one.every_limb[i].window_starts, other.every_limb[i].window_starts)
         mine, theirs = one.dynamics_of(i), other.dynamics_of(i)
         for figure in mine.__dataclass_fields__:

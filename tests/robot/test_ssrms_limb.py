@@ -12,8 +12,8 @@ from robot_texts import one_arm, written
 
 from mlivr_gym import RobotSpec, SsrmsLimb
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.manipulability import limb_manipulability
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
@@ -27,8 +27,7 @@ MANY = settings(max_examples=100, deadline=None)
 def flange(limb, q):
     """The flange in the limb's mount by the limb's own kinematics, shape (4, 4)."""
     axes, origin = limb.base_in_mount
-    base = station_arm.transform(axes, origin)
-    return base @ forward_kinematics(q, limb.lengths, limb.family_code)[6]
+    return station_arm.transform(axes, origin) @ link_frames(limb, q)[6]
 
 
 @given(TURN, ANGLES)

@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
@@ -89,7 +89,7 @@ def test_flanges_are_where_pinocchio_has_them(tmp_path, name, seed):
         pinocchio.framesForwardKinematics(model, data, every)
         ours = file.from_file_angles(angles)[0]
         np.testing.assert_allclose(file.to_file_angles(ours)[0], angles)
-        flange = forward_kinematics(ours, limb.lengths, limb.family_code)[-1]
+        flange = link_frames(limb, ours)[-1]
         seen.append(data.oMf[tool].homogeneous @ np.linalg.inv(flange))
     # All postures agree on where the limb's base is, which lies on joint 1.
     np.testing.assert_allclose(seen, np.broadcast_to(seen[0], (20, 4, 4)), atol=1e-7)

@@ -8,7 +8,7 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import Box, GraspMap, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
-from mlivr_gym.kinematics.ur import forward_kinematics
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -82,10 +82,9 @@ def test_max_step_bounds_every_step_of_three_limbs(jem):
 
 def test_configuration_reaches_every_held_point(graph):
     state = graph.state(("D1a:4", "D1b:4"))
-    lengths = graph.robot.limb.lengths
     assert_held(
         graph.robot, graph.grasp_map, state.stance, graph.configuration(state),
-        lambda q: forward_kinematics(q, lengths)[6], 1e-9,
+        lambda q: link_frames(graph.robot.limb, q)[6], 1e-9,
     )  # fmt: skip
 
 

@@ -11,9 +11,10 @@ from compiled import called
 from held_paths import GRIP, MOUNT, ORIGIN, TOOL, path_between, random_ends
 
 from mlivr_gym import Limb
+from mlivr_gym.kinematics import families
 from mlivr_gym.kinematics.arm import SPHERICAL_SHOULDER, UR
 from mlivr_gym.kinematics.base_path import STRAIGHT, base_poses
-from mlivr_gym.kinematics.families import forward_kinematics, link_frames
+from mlivr_gym.robot.link_frames import link_frames
 
 ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 """The arm of a space station is of the form of the UR arms once its first joint is locked."""
@@ -21,16 +22,16 @@ ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 
 @cache
 def known(limb):
-    """Pinocchio's model of an arm, and the lengths of its closed form."""
+    """Pinocchio's model of an arm."""
     made = oracle.pinocchio_arm if limb.family_code == UR else wrist_arms.pinocchio_wrist_arm
-    return made(limb), limb.lengths
+    return made(limb)
 
 
 def truth(limb, q):
     """Flange pose, its Jacobian to the joints that move, and to all joints, by Pinocchio."""
     if limb.family_code != UR:
-        return wrist_arms.flange_of(known(limb)[0], limb, q)
-    pose, jacobian = oracle.flange(known(limb)[0], q)
+        return wrist_arms.flange_of(known(limb), limb, q)
+    pose, jacobian = oracle.flange(known(limb), q)
     return pose, jacobian, jacobian
 
 
@@ -39,15 +40,10 @@ def jacobian(limb, q):
     return truth(limb, q)[1]
 
 
-def frames(limb, q):
-    """Frames 0 to 6 of the closed form, shape (7, 4, 4)."""
-    return forward_kinematics(q, known(limb)[1], limb.family_code)
-
-
 def frames_at(arm, q):
-    """The same by compiled code: rows of an origin and three axes, shape (7, 4, 3)."""
+    """Frames 0 to 6 by compiled code: rows of an origin and three axes, shape (7, 4, 3)."""
     out = np.empty((7, 4, 3))
-    called(link_frames)(arm, q, out)
+    called(families.link_frames)(arm, q, out)
     return out
 
 
@@ -98,14 +94,14 @@ def random_posture(limb, rng, k):
 
 def branch_of(limb, q):
     """The branch of joint angles."""
-    pose = frames(limb, q)[6]
+    pose = link_frames(limb, q)[6]
     _, angles = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
     return int(np.nanargmin(np.abs(np.exp(1j * angles) - np.exp(1j * q)).max(axis=1)))
 
 
 def angles_nearby(limb, q, change, rng, count=25):
     """Joint angles on the branch of `q` where wrist and axis go as far as told; None if nowhere."""
-    arm, branch, pose = arm_of(limb), branch_of(limb, q), frames(limb, q)[6]
+    arm, branch, pose = arm_of(limb), branch_of(limb, q), link_frames(limb, q)[6]
     return [
         angles_on(arm, *near, branch) for near in flanges_nearby(limb, pose, change, rng, count)
     ]

@@ -11,8 +11,9 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.motion import DEPARTS, HOLDS, SWINGS, LimbMotion, SweepScratch
 from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.base_path import base_poses
+from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.path_following import joints_along, poses
+from mlivr_gym.kinematics.poses import poses
 
 ROBOT = robot_spec("mlivr2")
 

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from mlivr_gym import robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.arm import in_window
-from mlivr_gym.kinematics.families import forward_kinematics
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.transitions.grasp_poses import (
     angles_above,
     folded,
@@ -79,7 +79,7 @@ def test_angles_above_a_point_put_the_flange_the_lift_off_along_the_normal(i, se
     """They exist where inverse kinematics has a solution there, and reach it."""
     rng = np.random.default_rng(seed)
     mount, origin = SPEC.mount_rotations[i], SPEC.mount_positions[i]
-    frame = forward_kinematics(rng.uniform(-np.pi, np.pi, 6), SPEC.limb.lengths)[6]
+    frame = link_frames(SPEC.limb, rng.uniform(-np.pi, np.pi, 6))[6]
     axes = mount @ frame[:3, :3]
     normal, rail = -axes[:, 2], axes[:, 0]
     point = origin + mount @ frame[:3, 3] - (SPEC.tool_length + SPEC.lift) * normal
@@ -91,7 +91,7 @@ def test_angles_above_a_point_put_the_flange_the_lift_off_along_the_normal(i, se
         found = angles_above(ROBOT.rows, i, base, grasp, branch, to)
         assert found == bool(branch_set >> branch & 1)
         if found:
-            reached = forward_kinematics(to["q"], SPEC.limb.lengths)[6]
+            reached = link_frames(SPEC.limb, to["q"])[6]
             np.testing.assert_allclose(reached, frame, atol=1e-7)
             assert (to["q"] >= SPEC.limb.windows[:, 0] - 1e-5).all()
             assert (to["q"] <= SPEC.limb.windows[:, 1]).all()
