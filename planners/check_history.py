@@ -3,8 +3,9 @@
 The paths that LazySP finds one after the other differ little: where one step touches an obstacle
 many others do, and a new path has new edges to be checked all along. As in POMP (Choudhury, Dellin
 and Srinivasa 2016) the results of earlier checks tell which edges are likely to be steps. Nodes
-close to failures come later in the open queue, nodes at edges that are steps come earlier. This
-changes the order of a search alone, which must not prove anything.
+close to failures come later in the open queue, nodes at edges that are steps come earlier, and
+these edges cost less, so that paths have few edges that are left to be checked. This changes the
+order of a search alone, which must not prove anything.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ PENALTY = 0.5
 
 FAILURE_RADIUS = 0.25
 """Distance of base positions from a failure up to which nodes come later [m]."""
+
+ADVANCE = 2.0
+"""Steps by which nodes at edges that are steps come earlier."""
+
+STEP_WEIGHT = 0.5
+"""Factor on the cost of edges that are steps: most of the effort is that of edges not checked."""
 
 STEP_LENGTH = 0.1
 """Base displacement of a typical step [m], by which base costs are compared with steps."""
@@ -64,7 +71,7 @@ class CheckHistory:
     def ordered(self, search_graph: SearchGraph, cost: Cost) -> SearchGraph:
         """Return the graph of a search for a path of least cost, with delays of nodes."""
         unit = cost.step_weight + STEP_LENGTH * cost.base_weight
-        delays = Delays(self._place, unit * np.append(self._penalty, -1.0))
+        delays = Delays(self._place, unit * np.append(self._penalty, -ADVANCE), STEP_WEIGHT)
         return search_graph._replace(delays=delays)
 
     def limited(self, parameters: SearchParameters) -> SearchParameters:

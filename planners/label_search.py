@@ -284,7 +284,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, _, _ = search_graph
+    table, checked_edges, weights, delays, _ = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -307,13 +307,15 @@ def _expand(
                 & supports_of(table.branch_sets[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
+            weight = 1.0
             if checked_edges.has_edges[s]:
                 slot = slot_of(checked_edges, row + k)
                 if checked_edges.keys[slot] == row + k:
                     kept &= checked_edges.kept[slot]
+                    weight = delays.weight_of_checked
             if not each_keeps_one(kept, limbs):
                 continue
-            cost = labels.cost[label] + edge_cost(table, s, other, weights)
+            cost = labels.cost[label] + weight * edge_cost(table, s, other, weights)
             estimate = _estimate(search_graph, h, other)
             if not cost + estimate < status.incumbent_cost:
                 continue

@@ -16,12 +16,17 @@ from mlivr_gym.stances.node_table import NodeTable
 
 
 class Delays(NamedTuple):
-    """By how much nodes come later in the open queue than `f` tells, see `check_history`."""
+    """By how much nodes come later in the open queue than `f` tells, see `check_history`.
+
+    Costs of a search with another weight than 1 are those of its order.
+    """
 
     place: NDArray[np.int32]
     """Place of each node, shape (n,), or (0,) if there are no delays."""
     of_place: Array
     """What is added to `h` at each place, negative for nodes that come earlier, shape (p,)."""
+    weight_of_checked: float = 1.0
+    """Factor on the cost of an edge that was checked."""
 
     def added_to(self, h: Array, nodes: IntArray) -> Array:
         """Return `h` with the delays at some nodes, shapes (n,) and (k,) -> (k,)."""

@@ -25,7 +25,7 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
-from mlivr_gym.planners.search_graph import SearchGraph
+from mlivr_gym.planners.search_graph import NO_DELAYS, SearchGraph
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
@@ -160,19 +160,23 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
         row = int(rng.integers(count))
         for cost in COSTS:
             goal, ends = goal_at(graph, table, row, cost), (states, first)
-            assert_cheapest(SearchGraph(table, steps, cost_weights(goal.cost)), goal, pairs, ends)
+            search_graph = SearchGraph(table, steps, cost_weights(goal.cost))
+            for weight in (1.0, 0.25):
+                delays = NO_DELAYS._replace(weight_of_checked=weight)
+                assert_cheapest(search_graph._replace(delays=delays), goal, pairs, ends)
 
 
 def assert_cheapest(search_graph, goal, pairs, ends):
     """Compare the cheapest path to a goal with the states to which steps lead from the first."""
     table, weights, (states, first) = search_graph.table, search_graph.weights, ends
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    charged = price(table, pairs, goal.cost)
+    charged, weight = price(table, pairs, goal.cost), search_graph.delays.weight_of_checked
+    charged[search_graph.checked_edges.contains(pairs[:, 4])] *= weight
     costs = nx.single_source_dijkstra_path_length(
         states, first, weight=lambda _, __, edge: charged[edge["pair"]]
     )
     least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
-    h = exact_costs(table, goals, weights, first[0])
+    h = weight * exact_costs(table, goals, weights, first[0])
     origins = NodeOrigins(np.array(first[:1]), table.branch_sets[[first[0]]], np.zeros(1))
 
     def cheapest(**limits):
