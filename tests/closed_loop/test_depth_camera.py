@@ -1,7 +1,11 @@
 """Measured points lie where rays meet boxes and nothing of the robot is seen."""
 
+from contextlib import contextmanager
+from copy import copy
+
 import numpy as np
 import pytest
+from gl_there import gl_or_skip
 
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import (
@@ -13,7 +17,7 @@ from mlivr_gym.closed_loop.depth_camera import (
 )
 from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.disturbances import robot_body_ids
-from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.gl import mujoco, render_error
 from mlivr_gym.simulation.setup import Setup
 
 WALL = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
@@ -85,6 +89,63 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     assert away.min(axis=1).max() < 1e-9  # each point is a first hit
     assert len(points) == len(expected) - hidden
     assert hidden
+
+
+@contextmanager
+def rendering(model, pixels):
+    """A renderer by which nothing is too near; where it cannot be had, a `RenderError`."""
+    model = copy(model)
+    model.vis.map.znear, model.vis.quality.offsamples = 0.002 / model.stat.extent, 0
+    try:
+        renderer = mujoco.Renderer(model, pixels, pixels)
+    except Exception as error:
+        raise render_error(error) from None
+    with renderer:
+        yield renderer
+
+
+def aim(renderer, origin, axes, half_width):
+    """Set the cameras of a scene by hand, as the model has none there."""
+    near = renderer.model.vis.map.znear * renderer.model.stat.extent
+    for camera in renderer.scene.camera:
+        camera.pos, camera.forward, camera.up = origin, axes[0], -axes[2]
+        camera.frustum_near, camera.frustum_center = near, 0.0
+        camera.frustum_width = camera.frustum_top = near * half_width
+        camera.frustum_bottom = -near * half_width
+
+
+def test_the_hits_are_those_of_rendered_depth_images(simulation, checked_graph):
+    """OpenGL draws the depth and the shape in each pixel of the same cameras."""
+    camera, robot, n = DepthCamera(pixels=60, noise=0.0), checked_graph.robot, 60
+    model, data, half = simulation.model, simulation.data, np.tan(0.5 * camera.field_of_view)
+    hits, origins = camera.measure(model, data, robot, np.random.default_rng(0))
+    of_robot = np.isin(model.geom_bodyid, robot_body_ids(model))
+    errors, seen = [], 0
+    with gl_or_skip(), rendering(model, n) as renderer:
+        option = mujoco.MjvOption()
+        option.geomgroup[:], option.sitegroup[:] = 1, 0  # marks are not there for rays
+        for origin, turn, axis in lenses_of(simulation, robot):
+            right = np.cross(axis, (0.0, 0.0, 1.0))
+            axes = np.array([axis, right, np.cross(axis, right)]) @ turn.T
+            axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+            images = []
+            for kind in ("depth", "segmentation"):
+                getattr(renderer, f"enable_{kind}_rendering")()
+                renderer.update_scene(data, scene_option=option)
+                aim(renderer, origin, axes, half)
+                images.append(renderer.render().copy())
+                getattr(renderer, f"disable_{kind}_rendering")()
+            depths, geoms = images[0], images[1][..., 0]
+            chosen = np.linalg.norm(origins - origin, axis=1) < 1e-6
+            depth, u, v = axes @ (hits[chosen] - origin).T
+            places = (np.array([u, v]) / depth / half + 1.0) * 0.5 * n - 0.5
+            column, row = np.round(places).astype(int)
+            errors += np.abs(depths[row, column] - depth).tolist()
+            centres = ((np.arange(n) + 0.5) / n * 2.0 - 1.0) * half
+            distances = depths * np.sqrt(1.0 + centres**2 + centres[:, None] ** 2)
+            seen += np.sum(~of_robot[geoms] & (geoms >= 0) & (distances <= camera.max_range))
+    assert len(errors) == len(hits) == pytest.approx(seen, rel=1e-3)
+    assert np.mean(np.array(errors) > 1e-4) < 1e-3  # pixels at edges
 
 
 def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_graph):

@@ -7,16 +7,18 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from pinocchio_robots import pinocchio_robot
+from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SimulationError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.simulation.controller import PAPER, ControllerParameters
+from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.joint_controller import DELAY_SHARE, JointController, Reference
+from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -146,6 +148,29 @@ def test_torques_change_with_the_period_and_late_by_the_delay(jem, plan, period,
     read = np.maximum(np.arange(12) // every * every - ticks, 0)
     np.testing.assert_allclose(sensors[:, address], asked[read], atol=1e-9)
     assert len(set(read)) > 2
+
+
+def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
+    """Newton: the impulse of the only grasp is the momentum gained.
+
+    Up to an error that goes with the time step.
+    """
+    errors = []
+    for timestep in (0.002, 0.0005):
+        simulation = Simulation(
+            jem, plan.world.robot, Physics(timestep=timestep), controller=FEEDFORWARD
+        )
+        recording = execute(
+            checked_graph, plan, Limits(step_duration=10.0), simulation=simulation
+        ).recording
+        limb = 1 - plan.steps[0].limb
+        tool = simulation.data.site(f"limb{limb}/anchor").xmat.reshape(3, 3)
+        force = recording.grasp_forces[:, limb] @ tool.T
+        impulse = cumulative_trapezoid(force, recording.times, axis=0, initial=0.0)
+        gained = recording.momenta - recording.momenta[0]
+        errors.append(np.abs(impulse - gained).max() / np.linalg.norm(gained, axis=1).max())
+    assert errors[1] < 0.03
+    assert errors[1] == pytest.approx(0.25 * errors[0], rel=0.1)
 
 
 def test_a_step_is_carried_out_within_tolerance(walked, plan, jem):
