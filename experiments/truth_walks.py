@@ -15,13 +15,14 @@ from tqdm import tqdm
 
 from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.dynamics import step_executor
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
@@ -77,7 +78,7 @@ def executed_walk(task: int) -> dict[str, Any]:
 def executed_step(task: int) -> dict[str, Any]:
     """Return how a random step from a random state ends in the simulation, and 1 (0 if none)."""
     graph, rng = whole_graph(), np.random.default_rng([3, task])
-    robot = step_executor(graph)
+    robot = StepExecutor(graph, Setup())
     robot.start(random_walk(graph, rng, int(rng.integers(6)))[-1])
     steps_from = graph.successors(robot.state)
     if not steps_from:
