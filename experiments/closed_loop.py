@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from reports import CORES, NOTHING, experiment, study_rows, table
+from reports import CORES, NOTHING, experiment, figures_of, study_rows, table
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
@@ -234,13 +234,6 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
     }  # fmt: skip
 
 
-COLUMNS = (
-    "outcome", "proved", "is_true", "failure", "steps", "in_hindsight", "is_possible", "duration",
-    "peak_force", "crew_distance", "is_crew_unavoidable", "replanning_times", "plans_ahead",
-    "time_ahead",
-)  # fmt: skip
-
-
 def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return all walks by mode."""
     rows = study_rows(
@@ -257,7 +250,7 @@ def by_mode(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     for row in rows:
         if row["outcome"] is not None:
             times = [round(seconds, 4) for seconds in row["replanning_times"]]
-            kept = {name: rounded(row[name]) for name in COLUMNS}
+            kept = {name: rounded(one) for name, one in figures_of(row, "mode").items()}
             walks[row["mode"]].append(kept | {"replanning_times": times})
     return walks
 

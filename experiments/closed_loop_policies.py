@@ -14,7 +14,16 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, NOTHING, counted, experiment, study_rows, table
+from reports import (
+    CORES,
+    NOTHING,
+    counted,
+    experiment,
+    figures_of,
+    study_rows,
+    table,
+    with_interval,
+)
 from scipy.stats import binomtest
 
 import mlivr_gym  # noqa: F401
@@ -44,12 +53,6 @@ VARIANTS = (("replanning", True), ("replanning", False), *((name, True) for name
 
 MOST_TASKS = {"pretrained": 20, "greedy": 12, "random": 6}
 """Policies whose episodes take longest, and their largest numbers of tasks."""
-
-COLUMNS = (
-    "task", "policy", "cameras", "success", "steps", "fewest", "end", "duration", "peak_force",
-    "base_translation_m",
-)  # fmt: skip
-"""What is kept of an episode."""
 
 
 @cache
@@ -112,7 +115,7 @@ def measured(tasks: int, workers: int) -> dict[str, Any]:
         rows += study_rows(
             "closed_loop_policies:episode", some, workers, policy=[name], cameras=[cameras]
         )
-    return {"tasks": tasks, "episodes": [{key: row[key] for key in COLUMNS} for row in rows]}
+    return {"tasks": tasks, "episodes": [{"task": row["task"]} | figures_of(row) for row in rows]}
 
 
 def row_of(name: str, episodes: list[dict[str, Any]]) -> list[str]:
@@ -131,9 +134,8 @@ def row_of(name: str, episodes: list[dict[str, Any]]) -> list[str]:
 
 def share_of(count: int, episodes: int) -> tuple[str, str]:
     """Return the number of episodes, and the share that arrived with its Wilson interval."""
-    low, high = binomtest(count, episodes).proportion_ci(method="wilson")
-    shares = (round(100.0 * share) for share in (count / episodes, low, high))
-    return str(episodes), "{} % [{}, {}]".format(*shares)
+    interval = binomtest(count, episodes).proportion_ci(method="wilson")
+    return str(episodes), with_interval(count / episodes, interval)
 
 
 def markdown(data: dict[str, Any]) -> str:

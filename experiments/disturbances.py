@@ -59,6 +59,9 @@ NAMES = {
 }
 """The disturbances in words, with the ranges of `ALL`."""
 
+ORDER = ("none", *NAMES, "all")
+"""Studies of a controller in the order of the tables."""
+
 HEAD = (
     "disturbance | walks | carried out | interval [%] | failures | second attempt | "
     "grasp force [N] | capture [mm] | base error [mm]"
@@ -82,7 +85,7 @@ def measured(tasks: int, each: int, workers: int) -> dict[str, Any]:
     rows = study_rows("disturbances:walk", tasks, controller=[first], disturbance=["all"], **given)
     some = study_rows(
         "disturbances:walk", each, controller=list(CONTROLLERS),
-        disturbance=["none", *NAMES, "all"], **given,
+        disturbance=ORDER, **given,
     )  # fmt: skip
     rows += [row for row in some if (row["controller"], row["disturbance"]) != (first, "all")]
     groups: dict[str, list[dict[str, Any]]] = {}
@@ -130,10 +133,10 @@ def cells(field: str, row: dict[str, Any]) -> list[Any]:
 
 def section(data: dict[str, Any], name: str) -> str:
     """Return the section of the page on a controller."""
-    rows = [(field, data["studies"].get(f"{name}: {field}")) for field in ("none", *NAMES, "all")]
+    rows = [cells(field, data["studies"][f"{name}: {field}"]) for field in ORDER]
     return f"""## {TITLES[name]}
 
-{table(HEAD, (cells(field, row) for field, row in rows if row is not None))}"""
+{table(HEAD, rows)}"""
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -178,15 +181,11 @@ def tornado(data: dict[str, Any], path: Path) -> None:
     """Draw the share of walks that fail for each disturbance and controller."""
     figure = Figure(figsize=(11.0, 5.4), layout="constrained")
     axes = figure.subplots(1, len(CONTROLLERS), sharey=True, sharex=True)
-    order = ["none", *NAMES, "all"]
     for axis, (name, colour) in zip(
         axes, zip(CONTROLLERS, ("#1f5fd0", "#17a2a2", "#d62728"), strict=True), strict=True
     ):
-        for place, field in enumerate(reversed(order)):
-            row = data["studies"].get(f"{name}: {field}")
-            if row is None:
-                axis.text(2.0, place, "not measured", va="center", fontsize=8, color="0.5")
-                continue
+        for place, field in enumerate(reversed(ORDER)):
+            row = data["studies"][f"{name}: {field}"]
             low, high = row["interval"]
             failed = 100.0 * (1.0 - row["share"])
             axis.barh(place, failed, color=colour, height=0.7)
@@ -196,7 +195,7 @@ def tornado(data: dict[str, Any], path: Path) -> None:
         axis.set_xlim(0.0, 100.0)
         axis.grid(axis="x", alpha=0.3)
         axis.set_xlabel("walks that fail [%]")
-    axes[0].set_yticks(range(len(order)), [NAMES.get(name, name) for name in reversed(order)])
+    axes[0].set_yticks(range(len(ORDER)), [NAMES.get(name, name) for name in reversed(ORDER)])
     figure.suptitle("Walks that fail, by disturbance; thin lines: 95 % intervals", fontsize=11)
     save_figure(figure, path)
 

@@ -1,7 +1,6 @@
 """What a robot still reaches when a joint of one limb has failed.
 
     python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8] [--workers 2]
-                                        [--only mlivr3]
 
 A joint of limb 0 is locked at its present angle, in drawn states of a robot on the JEM, collisions
 checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
@@ -17,7 +16,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from reports import CORES, NOTHING, ROOT, experiment, read, study_rows, table
+from reports import CORES, NOTHING, experiment, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
@@ -126,14 +125,11 @@ def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, A
     return out | dict(zip(("stances", "goals"), shares.tolist(), strict=True))
 
 
-def measured(starts: int, goals: int, workers: int, only: str) -> dict[str, Any]:
-    """Return what is left of each robot for each joint of limb 0.
-
-    If one is named, the others are those that are stored.
-    """
-    found: dict[str, Any] = read(ROOT / "results", "failed_joints") if only else {}
+def measured(starts: int, goals: int, workers: int) -> dict[str, Any]:
+    """Return what is left of each robot for each joint of limb 0."""
+    found: dict[str, Any] = {}
     given = {"starts": [starts], "goals": [goals]}
-    for name in [only] if only else NAMES:
+    for name in NAMES:
         joints = len(robot_spec(name).limb.joint_limits)
         rows = study_rows("failed_joints:without_joint", joints, workers, robot=[name], **given)
         found[name] = {
@@ -172,5 +168,4 @@ def markdown(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8, workers=CORES,
-               only="")  # fmt: skip
+    experiment("failed_joints", __doc__, measured, markdown, starts=3, goals=8, workers=CORES)

@@ -90,10 +90,8 @@ def measured(poses: int, workers: int) -> dict[str, Any]:
     """Return what is measured of all arms."""
     rows = study_rows("numeric_solutions:solved", 1, workers, arm=list(ARMS), poses=[poses])
     plans = study_rows("numeric_solutions:planned", 1, workers, arm=list(ARMS))
-    out = {row["arm"]: dict(row) for row in rows}
-    for row in plans:
-        out[row["arm"]] |= row
-    return {"poses": poses, "arms": out}
+    both = zip(rows, plans, strict=True)
+    return {"poses": poses, "arms": {row["arm"]: row | plan for row, plan in both}}
 
 
 def markdown(data: dict[str, Any]) -> str:

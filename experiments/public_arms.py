@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import CORES, command_line, keep, study_rows, table
+from reports import CORES, command_line, figures_of, keep, study_rows, table
 from robots import shot
 
 from mlivr_gym import RobotSpec, Settings, stance_graph
@@ -127,11 +127,7 @@ def main() -> None:
     rows = study_rows("public_arms:measured", len(ARMS), args.workers, share=share)
     shots = [np.frombuffer(row.pop("picture"), dtype=np.uint8) for row in rows]
     save_image(np.vstack(shots).reshape(-1, 3 * SIZE[0], 3), args.out / "public_arms.png")
-    omitted = ("share", "run", "task", "error")
-    data = {
-        name: {key: value for key, value in row.items() if key not in omitted}
-        for name, row in zip(ARMS, rows, strict=True)
-    }
+    data = {name: figures_of(row, "share") for name, row in zip(ARMS, rows, strict=True)}
     keep(args.out, "public_arms", data)
     print(markdown(data))
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, experiment, study_rows, table
+from reports import CORES, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
@@ -91,9 +91,7 @@ def markdown(data: dict[str, Any]) -> str:
     rows = [
         (
             name,
-            "{:.0f} % [{:.0f}, {:.0f}]".format(
-                *(100 * share for share in (row["success"], *row["success_interval"]))
-            ),
+            with_interval(row["success"], row["success_interval"]),
             f"{row['over_fewest']:.2f}",
             f"{row['steps']:.1f}",
             f"{row['base_translation_m']:.2f}",

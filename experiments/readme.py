@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import benchmark_env
+import benchmark_planning
 import cargo
 import closed_loop
 import comparison_report
@@ -29,7 +30,6 @@ import format_tables
 import limb_starts
 import numeric_solutions
 import places
-import planning_report
 import point_clouds
 import public_arms
 import robots
@@ -146,16 +146,16 @@ FIRST = {
 """Runs of the first path of `start_up.py` that the README shows."""
 
 IN_README = (0, 1, 4, 5, 7, 8)
-"""Indices of the values of `planning_report.figures` that the README shows."""
+"""Indices of the values of `benchmark_planning.figures` that the README shows."""
 
 
 def speed(planning: dict[str, Any], steps: dict[str, Any], paths: dict[str, Any]) -> str:
     """Return the table of the speed of planner and environment with default settings."""
-    before, first = planning_report.BEFORE, paths["plan"]
+    before, first = benchmark_planning.BEFORE, paths["plan"]
     rows = [
         (what, f"{first[how]['wall']:.3g}", before.get(how, NOTHING)) for how, what in FIRST.items()
     ]
-    figures = list(planning_report.figures(planning))
+    figures = list(benchmark_planning.figures(planning))
     rows += [(figures[k][0], *figures[k][2:]) for k in IN_README]
     measured = {(row["what"], row["settings"]): row["wall"] for row in steps["rows"]}
     for name, (what, arguments) in STEPS.items():
@@ -201,7 +201,7 @@ def parts(results: Path) -> dict[str, str]:
         "controller": simulation_figures.controller(),
         "disturbances": disturbances.readme_text(data("disturbances")),
         "closed_loop": closed_loop.sentence(data("closed_loop")),
-        "benchmark_planning": planning_report.targets(data("benchmark_planning")),
+        "benchmark_planning": benchmark_planning.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
         "cargo": cargo.masses(data("cargo")),

@@ -72,6 +72,11 @@ def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
     write_whole(out / f"{name}.json", json.dumps(data, indent=indent) + "\n")
 
 
+def plain(values: Any) -> list[float]:
+    """Return numbers as the files of maps have them."""
+    return (np.round(np.asarray(values, dtype=float), 6) + 0.0).tolist()
+
+
 def write_assets(files: dict[str, Callable[[], dict[str, Any]]]) -> None:
     """Write the files that ship of maps and robots, by name and by what makes them."""
     for name, make in files.items():
@@ -175,6 +180,21 @@ def study_rows(
     if faults:
         raise SystemExit(f"{len(faults)} of {len(rows)} runs failed: {faults[0]}")
     return rows
+
+
+def figures_of(row: Row, *factors: str) -> Row:
+    """Return what a run measured, without its numbers, its error and some of its factors."""
+    return {k: v for k, v in row.items() if k not in ("run", "task", "error", *factors)}
+
+
+def by_level(rows: list[Row], factor: str) -> dict[str, Row]:
+    """Return what was measured at each level of a factor, which one row has each."""
+    return {row[factor]: figures_of(row, factor) for row in rows}
+
+
+def with_interval(share: float, interval: Sequence[float]) -> str:
+    """Return a share with its interval [%]."""
+    return "{:.0f} % [{:.0f}, {:.0f}]".format(*(100.0 * one for one in (share, *interval)))
 
 
 def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLimbGraph:

@@ -1,13 +1,12 @@
 """Measure the robots that ship as files: stances, time of the first and of a later plan, a walk.
 
-    python experiments/robots.py [--out results] [--only ssrms2]
+    python experiments/robots.py [--out results]
 
 Each robot of two limbs plans a walk of `WALKS` with the step cost, collisions checked, in a process
 of its own, once to compile and once to measure: "first" contains the stance graph and every step
-that the search had to check, "later" is the way back. With `--only`, one robot is measured anew.
-Times are processor time, which other programs on the machine do not lengthen. The walk is then
-executed in MuJoCo. Writes `robots.json`, whose table `readme.py` shows in the docs, and
-`robots.png`, the robots in the first stance.
+that the search had to check, "later" is the way back. Times are processor time, which other
+programs on the machine do not lengthen. The walk is then executed in MuJoCo. Writes `robots.json`,
+whose table `readme.py` shows in the docs, and `robots.png`, the robots in the first stance.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from reports import ROOT, experiment, read, study_rows, table
+from reports import ROOT, by_level, experiment, study_rows, table
 
 from mlivr_gym import Settings, SsrmsLimb, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import Configuration
@@ -102,22 +101,14 @@ def measured(task: int, name: str) -> dict[str, Any]:
     }
 
 
-def all_measured(only: str) -> dict[str, Any]:
-    """Return what is measured of each robot the second time, in a process of its own.
-
-    If one is named, the others are those that are stored.
-    """
+def all_measured() -> dict[str, Any]:
+    """Return what is measured of each robot the second time, in a process of its own."""
     for file in CACHE.glob("*.npz"):
         file.unlink()
     os.environ["MLIVR_GYM_CACHE"] = str(CACHE)
     with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as processes:
-        rows = study_rows("robots:measured", 2, processes, name=[only] if only else [*WALKS])
-    others = "run", "task", "name", "error"
-    return (read(ROOT / "results", "robots") if only else {}) | {
-        row["name"]: {key: value for key, value in row.items() if key not in others}
-        for row in rows
-        if row["task"]
-    }
+        rows = study_rows("robots:measured", 2, processes, name=[*WALKS])
+    return by_level([row for row in rows if row["task"]], "name")
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -162,4 +153,4 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("robots", __doc__, all_measured, draw=picture, only="")
+    experiment("robots", __doc__, all_measured, draw=picture)

@@ -1,13 +1,13 @@
 """Measure what the first use of an installation compiles and how long it takes, for each path.
 
-    python experiments/start_up.py [--out results] [--compiled]
+    python experiments/start_up.py [--out results]
 
 A path is a command or a short program. Each path runs in new processes twice: with empty caches and
-the ready-made machine code, and again with everything cached. The paths of `COMPILED_TOO`, with
-`--compiled` all paths, also run with empty caches and without the ready-made code, which takes a
-minute each. Counted are the compiled functions; measured are wall-clock and processor time, and the
-load of the machine is reported. Bytecode of the package exists, as after `pip install`. Writes
-`start_up.json` and `start_up.md` in some minutes.
+the ready-made machine code, and again with everything cached. The paths of `COMPILED_TOO` also run
+with empty caches and without the ready-made code, which takes a minute each. Counted are the
+compiled functions; measured are wall-clock and processor time, and the load of the machine is
+reported. Bytecode of the package exists, as after `pip install`. Writes `start_up.json` and
+`start_up.md` in some minutes.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ PATHS = {
 """Commands and programs by name."""
 
 COMPILED_TOO = ("plan",)
-"""Paths that are also measured without ready-made code by default."""
+"""Paths that are also measured without ready-made code."""
 
 WITHOUT_NUMBA = ("help",)
 """Paths that compile nothing; counting compilations would import Numba."""
@@ -148,15 +148,15 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
     }
 
 
-def measured(path: str, compiled: bool) -> dict[str, dict[str, float]]:
-    """Measure a path with ready-made code, again with caches, and optionally with nothing ready.
+def measured(path: str) -> dict[str, dict[str, float]]:
+    """Measure a path with ready-made code, again with caches, and some with nothing ready.
 
     With a processor named in `NUMBA_CPU_NAME`, ready-made code of another one is not used; the
     features of the processor remain those of the machine.
     """
     with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
         found = {"ready-made": run(path, Path(first)), "again": run(path, Path(first))}
-        if compiled:
+        if path in COMPILED_TOO:
             found["compiled"] = run(path, Path(second), NUMBA_CPU_NAME="generic")
     return found
 
@@ -185,13 +185,13 @@ The commands are:
 {"".join(commands)}"""
 
 
-def all_measured(compiled: bool) -> dict[str, Any]:
+def all_measured() -> dict[str, Any]:
     """Measure all paths, with the load of the machine."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     python, loads, paths = platform.python_version(), list[float](), {}
     compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
     for path in PATHS:
-        paths[path] = measured(path, compiled or path in COMPILED_TOO)
+        paths[path] = measured(path)
         loads.append(os.getloadavg()[0])
         print(path, paths[path], flush=True)
     return {
@@ -202,4 +202,4 @@ def all_measured(compiled: bool) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    experiment("start_up", __doc__, all_measured, markdown, compiled=False)
+    experiment("start_up", __doc__, all_measured, markdown)

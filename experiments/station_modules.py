@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from reports import write_assets
+from reports import plain, write_assets
 
 from mlivr_gym.arrays import Array
 
@@ -69,11 +69,6 @@ FACES: dict[str, tuple[Sequence[int], Sequence[int]]] = {
     "aft": ((0, -1, 0), (0, 0, 1)),
 }
 """Inward normal of each face, and the direction of its seat tracks."""
-
-
-def plain(array: Array) -> list[float]:
-    """Return an array as rounded numbers."""
-    return (np.round(array, 6) + 0.0).tolist()
 
 
 def corners(first: Array, second: Array) -> dict[str, list[float]]:
@@ -150,26 +145,9 @@ def module(
 ) -> dict[str, Any]:  # fmt: skip
     """Return the map of a cylindrical module.
 
-    Parameters
-    ----------
-    name, description
-        Fields of the map.
-    length
-        Length from end to end [m]; an end with a hatch includes half a vestibule.
-    racks
-        Racks on each face.
-    middle
-        Where the row of racks is centred on the axis [m].
-    ends
-        Ends that have a hatch: -1, 1.
-    sides
-        Faces that have a hatch.
-    at
-        Where these are on the axis [m].
-    radius
-        Distance of these hatches from the axis [m], half a vestibule inside the outer planes.
-    sources
-        Field of the map.
+    It has hatches at some of its `ends`, -1 and 1, whose length includes half a vestibule, and on
+    the faces `sides`. The latter are `at` on the axis and `radius` from it [m], half a vestibule
+    inside the outer planes. The row of racks on each face is centred at `middle` on the axis [m].
     """
     x, boxes, rails = np.array([1.0, 0.0, 0.0]), [], tracks(racks, middle)
     inner = 0.5 * length - 0.5 * VESTIBULE

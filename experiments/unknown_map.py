@@ -14,13 +14,18 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, NOTHING, ROOT, experiment, study_rows, table
+from numpy.typing import NDArray
+from reports import CORES, NOTHING, ROOT, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import LookingPolicy, RandomPolicy
+from mlivr_gym.agents import ExpertPolicy, LookingPolicy, RandomPolicy
 from mlivr_gym.agents.evaluation import bootstrap
+from mlivr_gym.agents.learned import LearnedPolicy, load_policy
 from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.policy_names import policy_by_name
+from mlivr_gym.arrays import Array
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
 
 TRAINED = ROOT / "runs" / "unknown_map"
@@ -28,6 +33,12 @@ TRAINED = ROOT / "runs" / "unknown_map"
 
 COMPARED = "expected", "corrected"
 """Two policies whose costs are compared task by task."""
+
+SHARPNESS = 4.0
+"""Decrease of the score of an action for each unit of its expected cost."""
+
+MOST_REGRET = 8.0
+"""Largest difference of costs that counts, in the unit of the reward."""
 
 MOST_ACTIONS = 60
 """Actions after which an episode counts as failed."""
@@ -48,6 +59,37 @@ VARIANTS = {True: list(POLICIES), False: ["optimistic", "expected"]}
 """Those that are measured with and without looks."""
 
 
+def above_least(costs: Array) -> Array:
+    """Return costs above the least one, at most `MOST_REGRET`; 0 if all are infinite."""
+    least = costs.min()
+    return np.minimum(costs - least, MOST_REGRET) if np.isfinite(least) else np.zeros(len(costs))
+
+
+def scores(logits: Any, planned: Any) -> Any:
+    """Return the scores of actions from logits and expected costs above the least, shape (N m,)."""
+    return logits - SHARPNESS * planned
+
+
+class CorrectedPolicy(LearnedPolicy):
+    """Learned policy whose logits are scores.
+
+    Attributes
+    ----------
+    expert
+        The policy whose expected costs are corrected.
+    """
+
+    def __init__(self, actor_critic: Any) -> None:
+        """Take the actor-critic that has the network."""
+        super().__init__(actor_critic, "pointer")
+        self.expert = ExpertPolicy()
+
+    def logits(self, env: MlivrEnv, observation: Observation) -> NDArray[np.float32]:
+        """Return the score of each action in the present state, shape (N m,)."""
+        planned = above_least(self.expert.costs(env)).astype(np.float32)
+        return scores(super().logits(env, observation), planned)
+
+
 @cache
 def made_env() -> UnknownMapEnv:
     """Return the environment, one for each process."""
@@ -60,10 +102,6 @@ def made_env() -> UnknownMapEnv:
 def steps_by(name: str) -> Policy:
     """Return what chooses the steps, by name, one for each process."""
     if name == "corrected":
-        from corrected_policy import CorrectedPolicy
-
-        from mlivr_gym.agents.learned import load_policy
-
         return CorrectedPolicy(load_policy(TRAINED, made_env()).actor_critic)
     names = {"optimistic": "astar", "expected": "expert", "greedy": "local"}
     return policy_by_name(names.get(name, name), made_env())
@@ -131,9 +169,7 @@ def markdown(data: dict[str, Any]) -> str:
         chosen = [row[name] for name in ("attempts", "failed", "looks", "base_translation_m")]
         rows.append((
             f"{row['policy']}, {'looks' if row['look'] else 'never looks'}",
-            "{:.0f} % [{:.0f}, {:.0f}]".format(
-                *(100 * share for share in (row["success"], *row["success_interval"]))
-            ),
+            with_interval(row["success"], row["success_interval"]),
             f"{row['cost']:.1f} [{low:.1f}, {high:.1f}]",
             *(NOTHING if value is None else f"{value:.1f}" for value in chosen),
         ))  # fmt: skip

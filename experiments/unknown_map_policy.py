@@ -2,14 +2,15 @@
 
     python experiments/unknown_map_policy.py [--rounds 2] [--states 12000] [--updates 1500]
 
-The expert knows the layout, the policy (`corrected_policy.py`) what the robot knows. Each state is
-labelled with what each action costs more than the best one, looks included, for a robot that then
-acts as the expert does; the network learns to keep the expected value of that small (aggregated
-values: Ross and Bagnell 2014; clairvoyant oracles: Choudhury et al., The International Journal of
-Robotics Research 37, 2018). Expected costs take each unknown point to be occupied with the same
-probability; the network can learn that occupied points lie in clusters. In the first round the
-steps of least expected cost are taken, in others those of the policy. `--workers` processes gather
-the states, and `--device` takes the gradient steps. Writes the checkpoint `runs/unknown_map`.
+The expert knows the layout, the policy (`unknown_map.CorrectedPolicy`) what the robot knows. Each
+state is labelled with what each action costs more than the best one, looks included, for a robot
+that then acts as the expert does; the network learns to keep the expected value of that small
+(aggregated values: Ross and Bagnell 2014; clairvoyant oracles: Choudhury et al., The International
+Journal of Robotics Research 37, 2018). Expected costs take each unknown point to be occupied with
+the same probability; the network can learn that occupied points lie in clusters. In the first round
+the steps of least expected cost are taken, in others those of the policy. `--workers` processes
+gather the states, and `--device` takes the gradient steps. Writes the checkpoint
+`runs/unknown_map`.
 """
 
 from __future__ import annotations
@@ -21,11 +22,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from corrected_policy import MOST_REGRET, CorrectedPolicy, above_least, scores
 from numpy.typing import NDArray
 from reports import CORES
 from tqdm import tqdm
-from unknown_map import TRAINED, made_env
+from unknown_map import (
+    MOST_REGRET,
+    TRAINED,
+    CorrectedPolicy,
+    above_least,
+    made_env,
+    scores,
+)
 
 from mlivr_gym.agents import ExpertPolicy, LookingPolicy
 from mlivr_gym.agents.features import env_features

@@ -10,6 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from reports import plain
 
 from mlivr_gym.arrays import Array
 
@@ -106,11 +107,6 @@ CABIN = {"min": [-3.27, -1.0863, -1.0806], "max": [3.27, 1.0948, 1.0799]}
 
 PANEL = 0.04
 """Thickness of a wall [m]: assumed."""
-
-
-def plain(values: Any) -> list[float]:
-    """Return numbers as a file has them."""
-    return (np.round(np.asarray(values, dtype=float), 6) + 0.0).tolist()
 
 
 def rack_tracks() -> list[dict[str, Any]]:

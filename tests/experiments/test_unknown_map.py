@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from corrected_policy import MOST_REGRET, SHARPNESS, CorrectedPolicy, above_least
+from unknown_map import MOST_REGRET, SHARPNESS, CorrectedPolicy, above_least
 
 from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.agents.learned import LearnedPolicy
