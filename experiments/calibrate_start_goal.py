@@ -14,14 +14,13 @@ the other modes, too. Writes `envs_assets/table1_setup.json`.
 
 from __future__ import annotations
 
-import argparse
 import json
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from reports import CORES, study_rows
+from reports import CORES, command_line, study_rows
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
@@ -152,10 +151,7 @@ def best_seed(pair: dict[str, Any], workers: int) -> tuple[float, dict[str, Any]
 
 def main() -> None:
     """Search over pairs and seeds, and write the best setup."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--pairs", type=int, default=3000, help="start and goal pairs tried")
-    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
-    args = parser.parse_args()
+    args = command_line(__doc__, None, pairs=3000, workers=CORES).parse_args()
     total, pair = best_pair(args.pairs, args.workers)
     sparse, setup = best_seed(pair, args.workers)
     found = {"source": "experiments/calibrate_start_goal.py", **setup}

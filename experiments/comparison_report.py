@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from reports import NOTHING, table
+from reports import NOTHING, table, with_interval
 
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.arrays import Array
@@ -102,9 +102,7 @@ def interval(values: Array, digits: int, percent: bool = False) -> str:
     """Return a mean with its 95 % bootstrap interval."""
     if not len(values):
         return NOTHING
-    scale, unit = (100.0, " %") if percent else (1.0, "")
-    mean, low, high = (f"{scale * v:.{digits}f}" for v in (values.mean(), *bootstrap(values)))
-    return f"{mean}{unit} [{low}, {high}]"
+    return with_interval(values.mean(), bootstrap(values), digits, percent)
 
 
 def relative(runs: Runs, name: str, best: Runs | None, unit: str) -> str:

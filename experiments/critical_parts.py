@@ -202,6 +202,7 @@ def picture(data: dict[str, Any], path: Path) -> None:
         ):
             some = flat[np.array(chosen)]
             axes.scatter(*some.T, s=size, marker=marker, facecolor="none", edgecolor=colour)
+    figure.set_size_inches(12.8, 1.3 * len(panels))
     figure.tight_layout(rect=(0.0, 0.0, 0.92, 1.0))
     bar = figure.add_axes((0.93, 0.2, 0.012, 0.6))
     figure.colorbar(shown, cax=bar, label="stances that hold the point")

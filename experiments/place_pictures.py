@@ -141,5 +141,5 @@ def sheet() -> Any:
 
 
 if __name__ == "__main__":
-    command_line(__doc__).parse_args()
+    command_line(__doc__, None).parse_args()
     save_image(sheet(), ROOT / "docs" / "pictures" / "places.png")

@@ -119,9 +119,8 @@ def markdown(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Measure and write the results."""
-    parser = command_line(__doc__)
+    parser = command_line(__doc__, workers=CORES)
     parser.add_argument("share", type=Path, help="folder that holds example-robot-data/")
-    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
     args = parser.parse_args()
     share = [str(args.share.resolve())]
     rows = study_rows("public_arms:measured", len(ARMS), args.workers, share=share)

@@ -11,7 +11,6 @@ a page states another value.
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 from collections.abc import Callable
@@ -36,7 +35,7 @@ import robots
 import simulation_figures
 import ssik_arms
 import station_places
-from reports import NOTHING, ROOT, table
+from reports import NOTHING, ROOT, command_line, table
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
 from mlivr_gym.files import write_whole
@@ -264,8 +263,7 @@ def stale() -> list[str]:
 
 def main() -> None:
     """Write all pages."""
-    raw = argparse.RawDescriptionHelpFormatter
-    argparse.ArgumentParser(description=__doc__, formatter_class=raw).parse_args()
+    command_line(__doc__, None).parse_args()
     for path, text in texts().items():
         write_whole(path, text)
 

@@ -38,12 +38,21 @@ NOTHING = "\N{EN DASH}"
 """Content of a table cell without a value."""
 
 
-def command_line(description: str | None, out: str = "results") -> argparse.ArgumentParser:
-    """Return a parser with the option `--out`; `description` is the docstring of the script."""
+def command_line(
+    description: str | None, out: str | None = "results", **options: Any
+) -> argparse.ArgumentParser:
+    """Return a parser with options, whose defaults are given, and with `--out` unless it is None.
+
+    `description` is the docstring of the script.
+    """
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--out", type=Path, default=Path(out), help="folder (default: %(default)s)")
+    text = "(default: %(default)s)"
+    if out is not None:
+        parser.add_argument("--out", type=Path, default=Path(out), help=f"folder {text}")
+    for option, default in options.items():
+        parser.add_argument(f"--{option}", type=type(default), default=default, help=text)
     return parser
 
 
@@ -106,13 +115,7 @@ def experiment(
     `indent` the indent of the JSON file. With `--report`, the page and the figure of the stored
     results are written.
     """
-    parser = command_line(description)
-    for option, default in options.items():
-        if default is False:
-            parser.add_argument(f"--{option}", action="store_true")
-        else:
-            kind, text = type(default), "(default: %(default)s)"
-            parser.add_argument(f"--{option}", type=kind, default=default, help=text)
+    parser = command_line(description, **options)
     parser.add_argument("--report", action="store_true", help="only write page and figure")
     given = vars(parser.parse_args())
     out, report = given.pop("out"), given.pop("report")
@@ -192,9 +195,13 @@ def by_level(rows: list[Row], factor: str) -> dict[str, Row]:
     return {row[factor]: figures_of(row, factor) for row in rows}
 
 
-def with_interval(share: float, interval: Sequence[float]) -> str:
-    """Return a share with its interval [%]."""
-    return "{:.0f} % [{:.0f}, {:.0f}]".format(*(100.0 * one for one in (share, *interval)))
+def with_interval(
+    value: float, interval: Sequence[float], digits: int = 0, percent: bool = True
+) -> str:
+    """Return a value with its interval, by default a share as a percentage."""
+    scale, unit = (100.0, " %") if percent else (1.0, "")
+    middle, low, high = (f"{scale * one:.{digits}f}" for one in (value, *interval))
+    return f"{middle}{unit} [{low}, {high}]"
 
 
 def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLimbGraph:

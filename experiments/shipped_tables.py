@@ -11,11 +11,10 @@ build --robot mlivr3 --out envs_assets/NAME`.
 
 from __future__ import annotations
 
-import argparse
 import os
 from typing import Any
 
-from reports import CORES, study_rows
+from reports import CORES, command_line, study_rows
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs_assets import asset_path
@@ -49,9 +48,8 @@ def built(task: int) -> dict[str, Any]:
 
 def main() -> None:
     """Compute and write the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
-    rows = study_rows("shipped_tables:built", len(SHIPPED), parser.parse_args().workers)
+    workers = command_line(__doc__, None, workers=CORES).parse_args().workers
+    rows = study_rows("shipped_tables:built", len(SHIPPED), workers)
     for old in asset_path("").glob("pairs-*.npz"):
         if old.name not in {row["name"] for row in rows}:
             old.unlink()

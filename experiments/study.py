@@ -4,8 +4,7 @@
 
 The study varies the threshold of the limb manipulability and the share of occupied points. The
 estimate is that of new robots, with grippers of other lengths, on the JEM: random tasks, and the
-complete table of their steps. Writes `study.json`, `study.md` and `study.png`; with `--pairs`, only
-the estimate is measured anew.
+complete table of their steps. Writes `study.json`, `study.md` and `study.png`.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from statistics import fmean
 from typing import Any
 
 from matplotlib.figure import Figure
-from reports import ROOT, experiment, read, table
+from reports import experiment, table
 
 from mlivr_gym.compiled.cache import cache_folder
 from mlivr_gym.files import write_whole
@@ -41,10 +40,9 @@ def design_of(tasks: int) -> StudyDesign:
     return StudyDesign.from_data({"kind": "plan", "tasks": tasks, "factors": factors})
 
 
-def measured(tasks: int, workers: int, pairs: bool) -> dict[str, Any]:
+def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return the counts of each combination, and the times of both engines and of new robots."""
-    counts = read(ROOT / "results", "study") if pairs else counted_runs(tasks, workers)
-    return counts | {"pairs": new_pairs()}
+    return counted_runs(tasks, workers) | {"pairs": new_pairs()}
 
 
 def counted_runs(tasks: int, workers: int) -> dict[str, Any]:
@@ -160,4 +158,4 @@ def picture(data: dict[str, Any], path: Path) -> None:
 
 
 if __name__ == "__main__":
-    experiment("study", __doc__, measured, markdown, picture, tasks=100, workers=2, pairs=False)
+    experiment("study", __doc__, measured, markdown, picture, tasks=100, workers=2)

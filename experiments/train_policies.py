@@ -46,10 +46,8 @@ def trained(task: int, run: str, out: str) -> dict[str, Any]:
 
 def main() -> None:
     """Train the policies, those that begin with another one last."""
-    parser = command_line(__doc__, out="runs")
-    parser.add_argument("--seeds", type=int, default=3, help="seeds of each (default: %(default)s)")
+    parser = command_line(__doc__, "runs", seeds=3, workers=1)
     parser.add_argument("--only", nargs="+", choices=RUNS, default=RUNS, help="some of them")
-    parser.add_argument("--workers", type=int, default=1, help="processes (default: %(default)s)")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     for is_last in (False, True):

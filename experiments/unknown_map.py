@@ -165,12 +165,11 @@ def markdown(data: dict[str, Any]) -> str:
     """Return the report."""
     rows = []
     for row in data["policies"]:
-        low, high = row["cost_interval"]
         chosen = [row[name] for name in ("attempts", "failed", "looks", "base_translation_m")]
         rows.append((
             f"{row['policy']}, {'looks' if row['look'] else 'never looks'}",
             with_interval(row["success"], row["success_interval"]),
-            f"{row['cost']:.1f} [{low:.1f}, {high:.1f}]",
+            with_interval(row["cost"], row["cost_interval"], 1, percent=False),
             *(NOTHING if value is None else f"{value:.1f}" for value in chosen),
         ))  # fmt: skip
     head = (

@@ -15,7 +15,6 @@ gather the states, and `--device` takes the gradient steps. Writes the checkpoin
 
 from __future__ import annotations
 
-import argparse
 import multiprocessing
 from functools import cache
 from typing import Any, NamedTuple
@@ -23,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from reports import CORES
+from reports import CORES, command_line
 from tqdm import tqdm
 from unknown_map import (
     MOST_REGRET,
@@ -170,13 +169,9 @@ def learn(actor_critic: Any, data: list[torch.Tensor], updates: int) -> float:
 
 def main() -> None:
     """Train the policy."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=2, help="rounds (%(default)s)")
-    parser.add_argument("--states", type=int, default=12_000, help="of a round (%(default)s)")
-    parser.add_argument("--updates", type=int, default=1500, help="of a round (%(default)s)")
-    parser.add_argument("--workers", type=int, default=CORES, help="processes (%(default)s)")
-    parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
-    given = parser.parse_args()
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    options = {"rounds": 2, "states": 12_000, "updates": 1500, "workers": CORES, "device": device}
+    given = command_line(__doc__, None, **options).parse_args()
     torch.manual_seed(0)
     env, sizes = made_env(), load_hyperparameters("dagger")["networks"]["pointer"]
     actor_critic = make_actor_critic(env, "pointer", sizes)

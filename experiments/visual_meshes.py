@@ -11,12 +11,12 @@ simplified to at most `MOST` faces and turned into the link's frame. Writes
 
 from __future__ import annotations
 
-import argparse
 from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
+from reports import command_line
 
 LINKS = {
     "base": "base_link_inertia", "shoulder": "shoulder_link", "upper_arm": "upper_arm_link",
@@ -99,7 +99,7 @@ def arm(folder: Path, name: str) -> dict[str, np.ndarray]:
 
 def main() -> None:
     """Write both arms."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = command_line(__doc__, None)
     parser.add_argument("--package", type=Path, help="folder of airo_models, if not installed")
     folder = parser.parse_args().package
     if folder is None:

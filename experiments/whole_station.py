@@ -59,6 +59,9 @@ CACHE = ROOT / "runs" / "whole_station"
 TABLE_RUNS = 12
 """Number of plans by the table, of which the medians are shown."""
 
+WALKED = {True: "yes", False: "no", None: NOTHING}
+"""Whether a plan was carried out, in words."""
+
 AIM = {"time": 2.0, "memory": 2.0}
 """Time [s] and memory [GB] aimed at for ten modules."""
 
@@ -132,7 +135,7 @@ def limbed_table(rows: list[dict[str, Any]]) -> str:
                 row["method"], row["points"], f"{row['nodes']:,}", counted(Counter(row["ends"])),
                 f"{min(steps)} to {max(steps)}" if steps else NOTHING,
                 f"{max(bounds):.2f}" if bounds else NOTHING,
-                {True: "yes", False: "no", None: NOTHING}[row["walked"]],
+                WALKED[row["walked"]],
             )
         )  # fmt: skip
     return table(head, limbed)
@@ -150,7 +153,7 @@ def nodes_section(rows: list[dict[str, Any]]) -> str:
             row["steps"] or NOTHING, f"{row['bound']:.2f}" if row["bound"] else NOTHING,
             f"{row['search_s']:.1f}", f"{row['wall_s']:.0f}", f"{row['processor_s']:.0f}",
             f"{row['memory_gb']:.2f}",
-            {True: "yes", False: "no", None: NOTHING}[row["walked"]],
+            WALKED[row["walked"]],
         )
         for row in rows
         if row["method"] in NODES
@@ -183,7 +186,7 @@ def across_section(rows: list[dict[str, Any]]) -> str:
             bounds = (f"{row[name]:.1f}" for name in ("bound", "bound_on_points"))
             figures = [row["steps"], f"{row['base_m']:.1f}", *bounds]
         used = f"{row['wall_s']:.0f}", f"{row['processor_s']:.0f}", f"{row['memory_gb']:.2f}"
-        walked = {True: "yes", False: "no", None: NOTHING}[row.get("walked")]
+        walked = WALKED[row.get("walked")]
         shown.append((row["method"], row["points"], row["end"], *figures, *used, walked))
     return f"""## Three and four limbs across the station
 
