@@ -28,7 +28,7 @@ PARALLEL = 1e-12
 ROUNDING = 1e-4
 """Distance added to this for the rounding of numbers [m]."""
 
-NOISE = Tuples((), 0.0, 1.0, "m")
+NOISE = Tuples((), 0.0, 0.1, "m")
 """Validator of the standard deviation of a measured distance."""
 
 MOST_HITS = 100_000_000
