@@ -82,7 +82,7 @@ class Belief:
         """Believe in the map and the obstacles of a graph.
 
         `noise` is the standard deviation of a measured distance [m]. Raises a `SettingError` if it
-        is no number from 0 to 1 m.
+        is no number from 0 to 0.1 m.
         """
         self.graph, self.refused, self.avoided = graph, set[int](), set[int]()
         self._has_reconsidered = False
