@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlivr_gym.envs.dynamics import step_executor
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.regrasp import RegraspPath
 from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.fixture(scope="module")
 def executor(small_checked_graph):
-    return step_executor(small_checked_graph)
+    return StepExecutor(small_checked_graph, Setup())
 
 
 def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
