@@ -1,20 +1,12 @@
-"""How the record of an arm is filled: lengths, and postures to begin from without a closed form."""
+"""How the record of an arm is filled with its lengths."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, NUMERIC, SEEDS, TURN, UR, Arm
-
-TRIED = 16384
-"""Number of postures among which seeds are chosen."""
-
-USEFUL = 0.02
-"""Least `|det J|` of a seed as a share of the largest one."""
+from mlivr_gym.arrays import Array
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, NUMERIC, TURN, UR, Arm
+from mlivr_gym.kinematics.numeric_seeds import set_numeric
 
 
 def _cosine_and_sine(angle: float) -> tuple[float, float]:
@@ -31,7 +23,7 @@ def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     """
     arm["family"] = family
     if family == NUMERIC:
-        _set_numeric(arm, np.reshape(lengths, (6, 4, 3)), windows)
+        set_numeric(arm, np.reshape(lengths, (6, 4, 3)), windows)
     elif family == UR:
         arm["d1"], arm["a2"], arm["a3"], arm["d4"], arm["d5"], arm["d6"] = lengths
         arm["links"] = abs(arm["a2"] * arm["a3"])
@@ -51,129 +43,3 @@ def set_arm(arm: Arm, lengths: Array, windows: Array, family: int = UR) -> None:
     low, high = windows.T
     arm["window"][:, 0] = low
     arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)
-
-
-def _set_numeric(arm: Arm, steps: Array, windows: Array) -> None:
-    """Fill in an arm of the family `NUMERIC` by its steps, shape (6, 4, 3), and windows."""
-    of_arm = arm["numeric"]
-    of_arm["steps"][:] = steps
-    frames = _frames(steps, np.zeros((1, 5)))[0]
-    wrist = wrist_point(frames[4], frames[5])
-    out = frames[4, :3, :3].T @ (wrist - frames[4, :3, 3])
-    of_arm["wrist"][:] = out
-    arm["d6"] = float((frames[5, :3, 3] - wrist) @ frames[5, :3, 2])
-    arm["links"], arm["c_held"] = 1.0, 1.0
-    off_axis_1 = float(np.hypot(*steps[1, 0, :2]))
-    between = [off_axis_1, *np.linalg.norm(steps[2:5, 0], axis=1), np.linalg.norm(out)]
-    of_arm["between"][:] = between
-    of_arm["unit"] = max(sum(between) / 3.0, 1e-3)
-    reach = np.cumsum(between[::-1])[::-1]
-    of_arm["farthest"][:] = np.hypot(reach, of_arm["unit"])
-    of_arm["elbow"] = _largest(steps, 2, lambda f: _squared(f[:, 1], _forearm_end(f)))
-    of_arm["bend"] = _largest(steps, 4, _along_axis_4)
-    _set_seeds(arm, steps, windows)
-
-
-def wrist_point(fifth: Array, flange: Array) -> Array:
-    """Return the point of the flange axis nearest to axis 5, by two frames (4, 4) -> (3,)."""
-    axis, other = flange[:3, 2], fifth[:3, 2]
-    normal = np.cross(other, np.cross(axis, other))
-    across = float(axis @ normal)
-    share = float((fifth[:3, 3] - flange[:3, 3]) @ normal) / across if across > 1e-9 else 0.0
-    point: Array = flange[:3, 3] + share * axis
-    return point
-
-
-def _frames(steps: Array, angles: Array) -> Array:
-    """Return frames of the links 1 to 6 at angles of joints 1 to 5, (k, 5) -> (k, 6, 4, 4)."""
-    out = np.empty((len(angles), 6, 4, 4))
-    before = np.eye(4)
-    for k, step in enumerate(steps):
-        turn = np.tile(np.eye(4), (len(angles), 1, 1))
-        if k < 5:
-            c, s = np.cos(angles[:, k]), np.sin(angles[:, k])
-            turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
-        fixed = np.eye(4)
-        fixed[:3, :3], fixed[:3, 3] = step[1:].T, step[0]
-        out[:, k] = before = before @ fixed @ turn
-    return out
-
-
-def _forearm_end(frames: Array) -> Array:
-    """Return the points of axis 4 nearest to axis 5, (k, 6, 4, 4) -> (k, 3)."""
-    return np.array([wrist_point(one[4], one[3]) for one in frames])
-
-
-def _squared(origins: Array, points: Array) -> Array:
-    """Return squared distances of the origins of frames from points, shape (k,)."""
-    away = origins[:, :3, 3] - points
-    squares: Array = (away * away).sum(axis=1)
-    return squares
-
-
-def _along_axis_4(frames: Array) -> Array:
-    """Return cosines of the angle between axes 4 and 6, shape (k,)."""
-    cosines: Array = (frames[:, 3, :3, 2] * frames[:, 5, :3, 2]).sum(axis=1)
-    return cosines
-
-
-def _largest(steps: Array, joint: int, value: Callable[[Array], Array]) -> float:
-    """Return the angle of a joint at which a value is largest, which is a cosine of it [rad]."""
-    angles = np.zeros((3, 5))
-    angles[:, joint] = turns = 2.0 * np.pi * np.arange(3) / 3.0
-    return float(np.angle((value(_frames(steps, angles)) * np.exp(1j * turns)).sum()))
-
-
-def _set_seeds(arm: Arm, steps: Array, windows: Array) -> None:
-    """Choose postures of every branch that lie far apart from each other."""
-    of_arm, unit = arm["numeric"], float(arm["numeric"]["unit"])
-    angles = np.zeros((TRIED, 5))
-    low, high = windows.T
-    angles[:, 1:] = low[1:5] + (high - low)[1:5] * _spread(TRIED, 4)
-    frames = _frames(steps, angles)
-    tips, axes = frames[:, 5, :3, 3], frames[:, 5, :3, 2]
-    wrists = tips - arm["d6"] * axes
-    ahead = np.cross(frames[:, 0, :3, 2], frames[:, 1, :3, 2])
-    ahead = (ahead * (wrists - frames[:, 0, :3, 3])).sum(axis=1)
-    branch = 4 * (ahead < 0.0) + 2 * (np.sin(angles[:, 2] - of_arm["elbow"]) < 0.0)
-    branch = branch + (np.sin(angles[:, 4] - of_arm["bend"]) < 0.0)
-    joints = frames[:, :, :3, 2].transpose(0, 2, 1)
-    arms = (wrists[:, None] - frames[:, :, :3, 3]).transpose(0, 2, 1)
-    jacobians = np.concatenate([np.cross(joints, arms, axis=1), joints], axis=1)
-    sizes = np.abs(np.linalg.det(jacobians))
-    useful = sizes >= USEFUL * sizes.max()
-    azimuth = np.arctan2(wrists[:, 1], wrists[:, 0])
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    x, y = c * axes[:, 0] + s * axes[:, 1], c * axes[:, 1] - s * axes[:, 0]
-    radius = np.hypot(wrists[:, 0], wrists[:, 1])
-    places = np.stack([radius / unit, wrists[:, 2] / unit, x, y, axes[:, 2]], axis=1)
-    for b in range(BRANCHES):
-        rows = np.flatnonzero(useful & (branch == b))
-        rows = rows[_far_apart(places[rows], SEEDS)]
-        seeds = of_arm["seeds"][b]
-        of_arm["seed_counts"][b] = len(rows)
-        for k, row in enumerate(rows):
-            seeds[k]["radius"], seeds[k]["height"] = radius[row], wrists[row, 2]
-            seeds[k]["axis"][:] = x[row], y[row], axes[row, 2]
-            seeds[k]["q"][:] = (-azimuth[row], *angles[row, 1:], 0.0)
-
-
-def _spread(count: int, dimensions: int) -> Array:
-    """Return points that fill the unit cube evenly, shape (count, dimensions) (Roberts 2018)."""
-    root = 2.0
-    for _ in range(64):
-        root = (1.0 + root) ** (1.0 / (dimensions + 1))
-    shares = root ** -np.arange(1.0, dimensions + 1.0)
-    points: Array = np.mod(0.5 + np.arange(1, count + 1)[:, None] * shares, 1.0)
-    return points
-
-
-def _far_apart(places: Array, most: int) -> IntArray:
-    """Return rows of which each is the farthest one from all before, `most` of them."""
-    if not len(places):
-        return np.zeros(0, dtype=np.int64)
-    chosen, away = [0], np.linalg.norm(places - places[0], axis=1)
-    while len(chosen) < min(most, len(places)):
-        chosen.append(int(away.argmax()))
-        away = np.minimum(away, np.linalg.norm(places - places[chosen[-1]], axis=1))
-    return np.array(chosen, dtype=np.int64)
