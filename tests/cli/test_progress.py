@@ -62,6 +62,7 @@ def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
     stream = standard_error(monkeypatch, True)
     monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
     with Progress("compiling"):
-        time.sleep(0.8)
+        while not stream.getvalue():
+            time.sleep(0.01)
     assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
     assert stream.getvalue().endswith(CLEAR)

@@ -109,12 +109,12 @@ def bounded():
         used = int(stream.read().split()[0]) * resource.getpagesize()
     before = resource.getrlimit(resource.RLIMIT_AS)
     resource.setrlimit(resource.RLIMIT_AS, (used + MOST_BYTES, before[1]))
-    began = time.perf_counter()
+    began = time.process_time()  # of the processor: another program may have it meanwhile
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_AS, before)
-    assert time.perf_counter() - began < MOST_SECONDS
+    assert time.process_time() - began < MOST_SECONDS
 
 
 def loaded(load, path, content):
