@@ -6,6 +6,7 @@ from copy import copy
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import (
@@ -95,6 +96,31 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph, max_r
     assert len(points) == len(expected) - hidden
     assert hidden
     assert beyond or max_range == 3.0
+
+
+@pytest.mark.parametrize(("share", "is_seen"), [(0.98, True), (1.02, False)])
+def test_a_small_thing_is_seen_up_to_the_range(simulation, checked_graph, share, is_seen):
+    """A cube of 1 cm in the middle of a ray that meets nothing else that near."""
+    robot, reach = checked_graph.robot, 0.5
+    camera = DepthCamera(pixels=6, noise=0.0, max_range=reach)
+    boxes = [*checked_graph.grasp_map.boxes, WALL]
+    origin, ray = next(
+        (origin, ray)
+        for origin, turn, axis in lenses_of(simulation, robot)
+        for ray in camera.rays(axis[None])[0] @ turn.T
+        if first_hit(origin, ray, boxes) > 2.0 * reach
+        and not meets_the_robot(simulation, origin, ray)
+    )
+    place = origin + (share * reach + 0.005) * ray
+    turn = Rotation.align_vectors([ray], [[1.0, 0.0, 0.0]])[0].as_matrix()
+    cube = Box("cube", "obstacle", tuple(place), (0.005,) * 3, tuple(map(tuple, turn)))
+    other = Setup().simulation(checked_graph.grasp_map, robot, [cube])
+    other.data.qpos[:] = simulation.data.qpos
+    mujoco.mj_forward(other.model, other.data)
+    hits = camera.measure(other.model, other.data, robot, np.random.default_rng(0)).hits
+    nearest = np.linalg.norm(hits - (origin + share * reach * ray), axis=1).min()
+    assert (nearest < 1e-9) == is_seen
+    assert is_seen or nearest > 0.01
 
 
 @contextmanager

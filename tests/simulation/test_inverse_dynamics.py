@@ -12,7 +12,7 @@ from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 
 @pytest.mark.parametrize(("limbs", "holding"), [(2, (0,)), (2, (1,)), (3, (0, 2)), (4, (1, 2, 3))])
 def test_torques_and_wrenches_are_pinocchios(limbs, holding):
-    """Of any motion, whether or not the grasps allow it; several share the wrench, least squares."""
+    """Of any motion, whether or not grasps allow it; several share the wrench by least squares."""
     robot, rng, count = robot_spec(f"mlivr{limbs}"), np.random.default_rng(limbs), 5
     model = pinocchio_robot(robot)
     model.gravity.linear[:] = 0.0
