@@ -58,7 +58,6 @@ class LazyTable(ABC):
 
     is_complete: bool
     label_independent: bool
-    graph: StanceGraph
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Start with no edge checked."""
@@ -67,7 +66,7 @@ class LazyTable(ABC):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and no results of checks."""
-        return make_lazy_table, (self.graph,)
+        return make_lazy_table, (vars(self)["graph"],)
 
     @property
     def unchecked(self) -> BoolArray:

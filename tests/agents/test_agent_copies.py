@@ -67,5 +67,5 @@ def test_an_imitation(env, short, way):
         policy = make_actor_critic(env, "pointer", {"width": 32, "summary": 16})
         one = copied(Imitation(env, policy, False, ImitationHyperparameters(**short), seed=1))
         one.run()
-        weights.append([np.array(one.detach()) for one in one.actor_critic.parameters()])
+        weights.append([one.detach().numpy() for one in one.actor_critic.parameters()])
     assert same(*weights)
