@@ -19,6 +19,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.wrappers import WRAPPED_ENV
+from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
@@ -263,7 +264,7 @@ class TableFeatures:
 
 
 class PointObservation(
-    gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
+    Independent, gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
     """Wrapper whose observations are the features of the pointer network, `point_features`.
 

@@ -23,6 +23,7 @@ from mlivr_gym.errors import MlivrError, SettingError, shortened
 from mlivr_gym.files import checksum, load, write_whole
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields
 from mlivr_gym.settings import GRAPH_RULES, check_rules
+from mlivr_gym.sharing import Independent
 from mlivr_gym.transitions.state import State
 
 PRETRAINED = "pointer"
@@ -58,7 +59,7 @@ class CheckpointError(MlivrError):
     """A checkpoint cannot be read or does not fit the environment."""
 
 
-class LearnedPolicy:
+class LearnedPolicy(Independent):
     """Policy that takes the most probable of the actions that lead to a new stance.
 
     New are stances that were not visited since the episode began or the graph last changed; if

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -21,6 +23,7 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.schema import FieldPath, Flag
+from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -45,7 +48,7 @@ class Policy(Protocol):
         ...
 
 
-class RandomPolicy:
+class RandomPolicy(Independent):
     """Policy that draws uniformly from the valid actions."""
 
     def __init__(self, seed: int = 0) -> None:
@@ -57,7 +60,7 @@ class RandomPolicy:
         return int(self._rng.choice(np.flatnonzero(mask))) if mask.any() else 0
 
 
-class ExpertPolicy:
+class ExpertPolicy(Independent):
     """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
     It is for two limbs, and for the rewards `"steps"` and `"base"`. Where grasps may fail, the cost
@@ -138,7 +141,7 @@ def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
     return env.graph
 
 
-class LookingPolicy:
+class LookingPolicy(Independent):
     """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
 
     `policy` chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
@@ -169,7 +172,7 @@ class LookingPolicy:
         return len(mask) - 1 if look else action
 
 
-class ReplanningPolicy:
+class ReplanningPolicy(Independent):
     """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
 
     It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
@@ -215,7 +218,7 @@ def cost_of(env: MlivrEnv) -> Cost:
     )
 
 
-class PlanPolicy:
+class PlanPolicy(Independent):
     """Policy that follows plans, and plans again when the stance is not the one expected.
 
     It also plans again when an episode begins, or the goal or the world has changed. `plans` is the
@@ -264,29 +267,7 @@ def planner_policy(
     >>> evaluate(env, planner_policy("base"), episodes=1).success_rate
     1.0
     """
-    made: dict[int, Planner] = {}
-
-    def find(env: MlivrEnv) -> list[int] | None:
-        graph, start = env.graph, env.state
-        given: dict[str, Any] = {} if planner is None else {"start_pose": start.pose}
-        if planner is None and id(graph) not in made:
-            made.clear()
-            made[id(graph)] = Planner(graph)
-        result = (planner or made[id(graph)]).plan(
-            start if planner is None else start.stance,
-            env.goal.tolist(),
-            cost,
-            method=method,
-            goal_tolerance=env.goal_tolerance,
-            **given,
-            **options,
-        )
-        if result.plan is None:
-            return None
-        index = graph.grasp_map.index
-        return _action_numbers(env, [(limb, index(point)) for limb, point in result.plan.actions])
-
-    return PlanPolicy(find)
+    return PlanPolicy(_Planned(planner, cost, method, options))
 
 
 def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
@@ -294,14 +275,44 @@ def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
 
     The arguments are those of `find_walk`.
     """
+    return PlanPolicy(partial(_walk_actions, method, budget, seed))
 
-    def find(env: MlivrEnv) -> list[int] | None:
-        where = env.moves, env.state, env.goal, env.goal_tolerance
-        return _action_numbers(
-            env, find_walk(method, *where, budget=budget, seed=seed + env.steps).actions
-        )
 
-    return PlanPolicy(find)
+@dataclass
+class _Planned:
+    """Function that returns the actions of a plan, see `planner_policy`, or None without one."""
+
+    given: Planner | None
+    """Planner of the user."""
+    cost: str
+    method: str
+    options: dict[str, Any]
+    made: Planner | None = None
+    """Planner on the graph of the environment, if none is given."""
+
+    def __call__(self, env: MlivrEnv) -> list[int] | None:
+        start: dict[str, Any] = {"start": env.state}
+        if self.given is not None:
+            start = {"start": env.state.stance, "start_pose": env.state.pose}
+        elif self.made is None or self.made.graph is not env.graph:
+            self.made = Planner(env.graph)
+        planner = self.given or self.made
+        assert planner is not None
+        plan = planner.plan(
+            goal=env.goal.tolist(), cost=self.cost, method=self.method,
+            goal_tolerance=env.goal_tolerance, **start, **self.options,
+        ).plan  # fmt: skip
+        if plan is None:
+            return None
+        index = env.graph.grasp_map.index
+        return _action_numbers(env, [(limb, index(point)) for limb, point in plan.actions])
+
+
+def _walk_actions(method: str, budget: int, seed: int, env: MlivrEnv) -> list[int]:
+    """Return the actions of the walk that a method of `planners.baselines` finds."""
+    where = env.moves, env.state, env.goal, env.goal_tolerance
+    walk = find_walk(method, *where, budget=budget, seed=seed + env.steps)
+    return _action_numbers(env, walk.actions)
 
 
 def _action_numbers(env: MlivrEnv, actions: Iterable[tuple[int, int]]) -> list[int]:

@@ -11,6 +11,7 @@ import math
 import os
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,15 +44,28 @@ def write_whole(path: str | Path, content: str | bytes) -> None:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
         with os.fdopen(handle, "wb") as stream:
             stream.write(content.encode() if isinstance(content, str) else content)
+            stream.flush()
+            os.fsync(stream.fileno())  # else a power cut may leave a whole file of zeros
         umask = os.umask(0)
         os.umask(umask)
         os.chmod(name, 0o666 & ~umask)
         os.replace(name, target)
+        _sync_folder(target.parent)
     except (OSError, ValueError) as error:  # for example a null character in the name
         if name is not None:
             Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
         raise FileError(f"cannot write {path_shown(path)}: {reason or error}") from None
+
+
+def _sync_folder(folder: Path) -> None:
+    """Write a folder's entries to the disk, where the system can do so."""
+    with suppress(OSError):  # Windows opens no folders, and some network drives sync none
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def checksum(data: Any, content: bytes = b"") -> str:

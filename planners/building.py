@@ -41,12 +41,12 @@ def complete_by_deadline(key: Hashable, work: Callable[[], object], deadline: fl
     `time.perf_counter` [s], is infinite, otherwise in a thread of its own. Raises what the work
     raises.
     """
-    if deadline == math.inf and key not in _running:
+    thread = _running.get(key)
+    if thread is None and deadline == math.inf:
         work()
         return True
-    if key not in _running:
-        _running[key] = _BackgroundWork(work)
-    thread = _running[key]
+    if thread is None:
+        thread = _running[key] = _BackgroundWork(work)
     thread.join(None if deadline == math.inf else max(0.0, deadline - time.perf_counter()))
     if thread.is_alive():
         return False

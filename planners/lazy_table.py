@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +63,10 @@ class LazyTable(ABC):
         """Start with no edge checked."""
         self.version, self.table, self.check_effort = graph.version, table, 0
         self.checked_edges = CheckedEdges.empty(len(table.points))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and no results of checks."""
+        return make_lazy_table, (vars(self)["graph"],)
 
     @property
     def unchecked(self) -> BoolArray:

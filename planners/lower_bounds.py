@@ -77,6 +77,10 @@ class LowerBounds:
         self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
         self._extension = (0.0, 0) if two_limbs else SEARCH_EXTENSION
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and none of the bounds."""
+        return type(self), (self.graph,)
+
     @property
     def lazy_table(self) -> LazyTable:
         """Nodes and edges in the present world, with the results of earlier checks in it."""

@@ -42,6 +42,7 @@ from mlivr_gym.planners.refinement import check_fits, refined
 from mlivr_gym.planners.searches import GraphSearcher, path_along
 from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.schema import Integer
+from mlivr_gym.sharing import OnGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -50,7 +51,7 @@ CACHED_TABLES = 16
 """Maximum number of exact cost-to-go tables that a planner caches."""
 
 
-class Planner:
+class Planner(OnGraph):
     """Planner of hand-over-hand walks on one stance graph.
 
     States are stances with the branches that each limb may be on; plans are found by label-setting
@@ -72,6 +73,10 @@ class Planner:
         self.graph, self._searcher = graph, GraphSearcher(graph)
         self._committed_steps = CommittedSteps(graph)
         self._cost_tables: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and none of the results."""
+        return type(self), (self.graph,)
 
     @checked(QUERY)
     def plan(

@@ -20,6 +20,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from itertools import count, islice
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +82,10 @@ class TableSearch(PathSearch):
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         self._origin_paths: list[StatePath] = []
         self._set_origins(StatePath((start,), self.start_posture.base_position))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the query alone; a copy begins again."""
+        return type(self), (self._lower_bounds, self.search, self.start)
 
     def _set_origins(self, start: StatePath) -> None:
         """Set the nodes at which paths may start, each with its path and limb relabelling."""

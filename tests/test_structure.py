@@ -32,7 +32,7 @@ LAYERS = (
     {"arguments", "json_schema"},
     {"schema", "engines"},
     {"values", "extras"},
-    {"compiled", "errors"},
+    {"compiled", "errors", "sharing"},
     {"envs_assets", "_version", "_headless", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import scipy
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import MapError, StanceError
@@ -48,6 +49,14 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
             "used: choose a larger spacing or a smaller span"
         )
     return np.concatenate(found)
+
+
+def count_beyond_span(grasp_map: GraspMap, robot: RobotSpec) -> int:
+    """Return the number of ordered pairs beyond the span that two outstretched limbs reach."""
+    tree = scipy.spatial.cKDTree(grasp_map.positions)
+    pairs = tree.query_pairs(2.0 * robot.reach, output_type="ndarray")
+    apart = np.linalg.norm(np.diff(grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
+    return 2 * int((apart > robot.span + 1e-9).sum())
 
 
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:

@@ -44,9 +44,11 @@ def _use(graph: TableGraph, table: Any) -> None:
     """Give a graph its table."""
     if isinstance(graph, ImplicitGraph):
         graph.table = table
-    elif not (graph.is_complete or graph.obstacles or graph.occupied):
-        graph.steps.edges[...], graph.steps.releases[...] = table.edges, table.releases
-        graph.is_complete = True
+        return
+    with graph.lock:
+        if not (graph.is_complete or graph.obstacles or graph.occupied):
+            graph.steps.edges[...], graph.steps.releases[...] = table.edges, table.releases
+            graph.is_complete = True
 
 
 def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | None:
@@ -71,19 +73,20 @@ def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | N
     >>> graph.is_complete
     True
     """
-    if graph.obstacles or graph.occupied:
-        raise SettingError("tables are built without obstacles and occupied points; clear them")
-    found = find_table(graph)
-    if found is None:
-        work: Callable[..., Any] = fill_rows if isinstance(graph, TwoLimbGraph) else build
-        parts = Parts.of(graph, getfile(work))
-        table = work(graph, progress, parts)
-        _use(graph, table)
-        files = files_of(graph)
-        found = files.remember(graph, files.cache(graph, table), table)
-        if found[0] is not None:
-            parts.remove()
-    return found[0]
+    with graph.lock:
+        if graph.obstacles or graph.occupied:
+            raise SettingError("tables are built without obstacles and occupied points; clear them")
+        found = find_table(graph)
+        if found is None:
+            work: Callable[..., Any] = fill_rows if isinstance(graph, TwoLimbGraph) else build
+            parts = Parts.of(graph, getfile(work))
+            table = work(graph, progress, parts)
+            _use(graph, table)
+            files = files_of(graph)
+            found = files.remember(graph, files.cache(graph, table), table)
+            if found[0] is not None:
+                parts.remove()
+        return found[0]
 
 
 def write_built(graph: TableGraph, path: Path) -> None:
