@@ -45,6 +45,10 @@ def one_line(message: str) -> str:
 class MlivrError(ValueError):
     """Base class of all errors of the package: an input cannot be used."""
 
+    def __init__(self, message: str = "") -> None:
+        """Escape what is unprintable: files and other libraries are quoted, on terminals too."""
+        super().__init__(one_line(message))
+
 
 class MapError(MlivrError):
     """A map file or a map object is faulty."""
