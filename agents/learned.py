@@ -252,7 +252,8 @@ def _weights(content: bytes, prefix: str) -> dict[str, Any]:
     if isinstance(weights, dict) and all(map(torch.is_tensor, weights.values())):
         return weights
     raise CheckpointError(
-        f"{prefix}: its file of weights is damaged or holds other things than tensors; train it again"
+        f"{prefix}: its file of weights is damaged or holds other things than tensors; "
+        "train it again"
     )
 
 
