@@ -1,0 +1,206 @@
+"""Time limits are kept on a slow machine, whatever the search is doing when they end."""
+
+import sys
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_tables import small_map, small_table
+
+from mlivr_gym import Box, Settings, jem_map, stance_graph
+from mlivr_gym.compiled import kernels
+from mlivr_gym.planners import (
+    Planner,
+    backward_search,
+    failed_joint_starts,
+    label_search,
+    level_search,
+    set_bounds,
+)
+from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
+from mlivr_gym.stances.random_states import random_state
+
+SECONDS = {
+    "check_all": 2e-2,
+    "check_supports": 2e-2,
+    "release_all": 2e-2,
+    "solve_postures": 2e-2,
+    "_mark_frontier": 1e-4,
+    "_expand_level": 1e-4,
+}
+"""Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
+
+OTHERWISE, LABEL, SETTLED, SET, STANCE = 2e-3, 1e-3, 1e-3, 1e-4, 1e-5
+"""The same for other kernels, for a label or a node of a search, for a stance set, and for a stance
+in a search by levels."""
+
+OVERRUN = 0.2
+"""Time by which a limit may be exceeded [s]."""
+
+
+class SlowMachine:
+    """A machine whose clock is moved by the work that is done, and by nothing else."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.worked = 0.0, set()
+        patch = monkeypatch.setattr
+        patch(time, "perf_counter", lambda: self.now)
+        run = kernels.in_parallel
+
+        def in_parallel(count, kernel, *args, **options):
+            self.work(kernel.__name__, count * SECONDS.get(kernel.__name__, OTHERWISE))
+            run(count, kernel, *args, **options)
+
+        for name, module in list(sys.modules.items()):
+            if name.startswith("mlivr_gym.") and vars(module).get("in_parallel") is run:
+                patch(module, "in_parallel", in_parallel)
+        self._count(
+            patch, label_search, "_search", LABEL, lambda graph, h, status, *_: status["expanded"]
+        )
+        self._count(
+            patch, backward_search, "_search", SETTLED, lambda *given: given[2]["closed"].sum()
+        )
+        for name in ("mark_support_sets", "reach_sets"):
+            self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
+        for name in ("compute_remaining", "find_path", "find_cuts"):
+            stances = len if name == "compute_remaining" else None
+            self._each(
+                patch, level_search, name,
+                lambda *given, of=stances: STANCE * len((given[1] if of else given[0]).points),
+            )  # fmt: skip
+
+    def work(self, kind, seconds):
+        """Some work takes its time."""
+        self.now += seconds
+        self.worked.add(kind)
+
+    def _count(self, patch, module, name, seconds, done):
+        """Let a search take time for each item that it counts."""
+        run = getattr(module, name)
+
+        def counted(*given):
+            before = done(*given)
+            end = run(*given)
+            self.work(f"{module.__name__}.{name}", seconds * float(done(*given) - before))
+            return end
+
+        patch(module, name, counted)
+
+    def _each(self, patch, module, name, seconds):
+        """Let a function take the time that its arguments tell."""
+        run = getattr(module, name)
+
+        def timed(*given):
+            self.work(name, seconds(*given))
+            return run(*given)
+
+        patch(module, name, timed)
+
+
+def among_obstacles(graph, base_positions):
+    """The graph, with a box beside its nodes."""
+    graph.remove_obstacles()
+    centre = base_positions.mean(axis=0) + np.array([0.0, 0.5, 0.0])
+    graph.add_obstacles([Box.between("box", "obstacle", centre - 0.3, centre + 0.3)])
+    return graph
+
+
+def over_a_table(limbs):
+    graph, table = small_table(limbs)
+    return among_obstacles(graph, table.base_position)
+
+
+def without_a_table():
+    return stance_graph(small_map(), "mlivr3")
+
+
+def unknown_steps():
+    jem = jem_map()
+    near = (np.abs(jem.positions[:, 0] - 2.3) < 0.5) & (np.arange(len(jem)) % 2 == 0)
+    return stance_graph(jem.subset(near, "near"), settings=Settings(limb_threshold=0.05))
+
+
+CASES = {
+    "table of three limbs": lambda: small_table(3)[0],
+    "table of three limbs, obstacles": lambda: over_a_table(3),
+    "table of four limbs, obstacles": lambda: over_a_table(4),
+    "three limbs without a table": without_a_table,
+    "two limbs, steps unknown": unknown_steps,
+    "two limbs, obstacles": lambda: among_obstacles(
+        unknown_steps(), small_table(2)[1].base_position
+    ),
+}
+"""Graphs whose searches work in all ways that there are."""
+
+
+def query(graph, cost):
+    """A start, and a goal that is as far as a plan leads, without a limit."""
+    rng, best, found = np.random.default_rng(2), 0, None
+    start = random_state(graph, rng)
+    for _ in range(12):
+        goal = graph.posture_of(random_state(graph, rng)).base_position[0].tolist()
+        plan = Planner(graph).plan(start, goal, cost, goal_tolerance=0.05).plan
+        if plan is not None and len(plan.steps) > best:
+            best, found = len(plan.steps), (start, goal, cost)
+    return found
+
+
+@pytest.mark.parametrize("cost", ["base", "steps"])
+@pytest.mark.parametrize("case", CASES)
+def test_a_limit_is_kept_on_a_slow_machine(case, cost, monkeypatch):
+    """Wherever in the search it ends: in bounds, among nodes, edges, postures or labels."""
+    graph = CASES[case]()
+    given = query(graph, cost)
+    machine, exceeded, took = SlowMachine(monkeypatch), [], []
+    for limit in (1e9, *np.geomspace(0.05, 10.0, 7)):
+        fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
+        began = machine.now
+        found = Planner(fresh).plan(
+            *given, goal_tolerance=0.05, time_limit=float(limit), inflation=1.0
+        )
+        took.append(machine.now - began)
+        exceeded.append(took[-1] - limit)
+        assert found.plan is not None or found.reason == "limit reached"
+    graph.remove_obstacles()
+    print(case, cost, took[0], max(exceeded[1:]), sorted(machine.worked))
+    assert took[0] > OVERRUN
+    assert max(exceeded[1:]) <= OVERRUN
+
+
+def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
+    """All items in order, once; what was learned of one kind of work does not hold for another."""
+    now = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    clock = Clock(1e9)
+    for kind, each in (("dear", 0.5), ("cheap", 1e-6), ("middling", 3e-3), ("dear", 0.5)):
+        seen, last = [], 0.0
+        for piece in clock.pieces(kind, 5000):
+            seen.extend(range(5000)[piece])
+            last = each * (piece.stop - piece.start)
+            assert last <= max(each, 2.0 * PIECE)
+            now[0] += last
+        assert seen == list(range(5000))
+    assert len(list(Clock().pieces("any", 5000))) == 1
+    clock = Clock(now[0] + 1.0)
+    with pytest.raises(OutOfTime):
+        for piece in clock.pieces("dear", 5000):
+            now[0] += 0.3 * (piece.stop - piece.start)
+    assert now[0] <= clock.deadline + 0.3
+
+
+def test_all_starts_of_a_robot_with_a_failed_joint_share_the_time(monkeypatch):
+    """The limit is not that of each."""
+    now, told = [0.0], []
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    starts = [(f"graph {k}", f"start {k}") for k in range(9)]
+    monkeypatch.setattr(failed_joint_starts, "starts_with_failed_joints", lambda *_: iter(starts))
+
+    def plan(graph, start, seconds):
+        told.append(seconds)
+        now[0] += min(seconds, 0.8)
+        return SimpleNamespace(plan=None)
+
+    failed_joint_starts.plan_with_failed_joints(None, (), None, plan, 2.0)
+    assert told == pytest.approx([2.0, 1.2, 0.4, 0.0])
+    assert now[0] == pytest.approx(2.0)
