@@ -16,6 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.batches import distances, rows_close
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
+from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
@@ -96,9 +97,17 @@ class LowerBounds:
         return stored._replace(h=np.where(self._occupied_nodes(), np.inf, stored.h))
 
     def compute(self, goal: Goal, starts: IntArray, clock: Clock = UNLIMITED) -> GoalBounds:
-        """Compute and cache bounds from some nodes with the points occupied now."""
-        goals, occupied = self._goal_nodes(goal), self._occupied_nodes()
-        bounds = self._compute(self.table, goal.cost, goals, starts, occupied, clock)
+        """Compute and cache bounds from some nodes with the points occupied now.
+
+        They take seconds for a large table; at the deadline they are still being computed.
+        """
+        goals, forbidden = self._goal_nodes(goal), self._occupied_nodes()
+        occupied = frozenset(self.graph.occupied)
+        bounds = result_by_deadline(
+            ("bounds", id(self), goal.key, occupied, starts.tobytes()),
+            lambda: self._compute(self.table, goal.cost, goals, starts, forbidden, UNLIMITED),
+            clock.deadline,
+        )._replace(occupied=occupied)
         self._cached_bounds[goal.key] = bounds
         self._cached_bounds.move_to_end(goal.key)
         if len(self._cached_bounds) > self._cache_size:

@@ -17,7 +17,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.building import complete_by_deadline
+from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.implicit_search import ImplicitSearch
 from mlivr_gym.planners.legs import search_by_legs
@@ -137,8 +137,8 @@ class GraphSearcher:
             return search_by_legs(graph, search, start, self.find)
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
-        if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
-            return _nothing_found(start)
+        if isinstance(graph, ImplicitGraph):
+            self._prepare_tables(graph, search)
         if isinstance(graph, TwoLimbGraph) and LevelSearch.answers(graph, search):
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
@@ -180,17 +180,19 @@ class GraphSearcher:
             return run_search(table_search)
         return run_search(LevelSearch(self.graph, search, start))
 
-    def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
-        """Return whether the tables that a search needs are built before its deadline."""
-        key = key_of(graph)
-        if graph.table is None and not complete_by_deadline(
-            ("nodes", key), lambda: find_table(graph), search.clock.deadline
-        ):
-            return False
-        is_needless = not (self.build_sets and graph.searches_sets)
-        if is_needless or graph.table is not None or find_table(graph) is not None:
-            return True
-        return complete_by_deadline(("sets", key), graph.sets, search.clock.deadline)
+    def _prepare_tables(self, graph: ImplicitGraph, search: SearchQuery) -> None:
+        """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.
+
+        They are still being built then.
+        """
+        if graph.table is not None:
+            return
+        key, deadline = key_of(graph), search.clock.deadline
+        result_by_deadline(("nodes", key), lambda: find_table(graph), deadline)
+        needs_sets = self.build_sets and graph.searches_sets
+        # An equal graph may have started the thread, which found the table for that one.
+        if needs_sets and graph.table is None and find_table(graph) is None:
+            result_by_deadline(("sets", key), graph.sets, deadline)
 
 
 def _nothing_found(start: State) -> SearchResult:

@@ -16,6 +16,8 @@ from mlivr_gym.planners import (
     failed_joint_starts,
     label_search,
     level_search,
+    lower_bounds,
+    searches,
     set_bounds,
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
@@ -26,12 +28,11 @@ SECONDS = {
     "check_supports": 2e-2,
     "release_all": 2e-2,
     "solve_postures": 2e-2,
-    "_mark_frontier": 1e-4,
-    "_expand_level": 1e-4,
+    "<lambda>": 4e-4,  # the kernels of fewest steps
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
 
-OTHERWISE, LABEL, SETTLED, SET, STANCE = 2e-3, 1e-3, 1e-3, 1e-4, 1e-5
+OTHERWISE, LABEL, SETTLED, SET, STANCE = 8e-3, 8e-3, 4e-3, 1e-4, 1e-5
 """The same for other kernels, for a label or a node of a search, for a stance set, and for a stance
 in a search by levels."""
 
@@ -43,9 +44,11 @@ class SlowMachine:
     """A machine whose clock is moved by the work that is done, and by nothing else."""
 
     def __init__(self, monkeypatch):
-        self.now, self.worked = 0.0, set()
+        self.now, self.worked, self.stored = 0.0, set(), {}
         patch = monkeypatch.setattr
         patch(time, "perf_counter", lambda: self.now)
+        for module in (searches, lower_bounds):
+            patch(module, "result_by_deadline", self._result_by_deadline)
         run = kernels.in_parallel
 
         def in_parallel(count, kernel, *args, **options):
@@ -69,6 +72,15 @@ class SlowMachine:
                 patch, level_search, name,
                 lambda *given, of=stances: STANCE * len((given[1] if of else given[0]).points),
             )  # fmt: skip
+
+    def _result_by_deadline(self, key, work, deadline):
+        """Work in a thread that goes on after the deadline, when nobody waits for it any more."""
+        began = self.now
+        found = self.stored.pop(key) if key in self.stored else work()
+        if self.now > deadline:
+            self.now, self.stored[key] = max(began, deadline), found
+            raise OutOfTime
+        return found
 
     def work(self, kind, seconds):
         """Some work takes its time."""
@@ -152,20 +164,17 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, monkeypatch):
     """Wherever in the search it ends: in bounds, among nodes, edges, postures or labels."""
     graph = CASES[case]()
     given = query(graph, cost)
-    machine, exceeded, took = SlowMachine(monkeypatch), [], []
-    for limit in (1e9, *np.geomspace(0.05, 10.0, 7)):
+    machine, whole = SlowMachine(monkeypatch), 0.0
+    for share in (None, *np.linspace(0.04, 0.94, 7).tolist()):
         fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
-        began = machine.now
-        found = Planner(fresh).plan(
-            *given, goal_tolerance=0.05, time_limit=float(limit), inflation=1.0
-        )
-        took.append(machine.now - began)
-        exceeded.append(took[-1] - limit)
+        limit, began = 1e9 if share is None else share * whole, machine.now
+        found = Planner(fresh).plan(*given, goal_tolerance=0.05, time_limit=limit, inflation=1.0)
+        took = machine.now - began
+        whole = whole or took
         assert found.plan is not None or found.reason == "limit reached"
+        assert took <= limit + OVERRUN
     graph.remove_obstacles()
-    print(case, cost, took[0], max(exceeded[1:]), sorted(machine.worked))
-    assert took[0] > OVERRUN
-    assert max(exceeded[1:]) <= OVERRUN
+    assert whole > 2.0 * OVERRUN
 
 
 def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
@@ -183,9 +192,12 @@ def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
         assert seen == list(range(5000))
     assert len(list(Clock().pieces("any", 5000))) == 1
     clock = Clock(now[0] + 1.0)
+    seen = clock.pieces("dear", 5000)
+    for _ in range(4):
+        piece = next(seen)
+        now[0] += 0.3 * (piece.stop - piece.start)
     with pytest.raises(OutOfTime):
-        for piece in clock.pieces("dear", 5000):
-            now[0] += 0.3 * (piece.stop - piece.start)
+        next(seen)
     assert now[0] <= clock.deadline + 0.3
 
 
