@@ -2,11 +2,12 @@
 
 import sys
 import time
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_tables import small_map, small_table
+from small_tables import small_table
 
 from mlivr_gym import Box, Settings, jem_map, stance_graph
 from mlivr_gym.compiled import kernels
@@ -22,6 +23,7 @@ from mlivr_gym.planners import (
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_build import fill_rows
 
 SECONDS = {
     "check_all": 2e-2,
@@ -32,7 +34,7 @@ SECONDS = {
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
 
-OTHERWISE, LABEL, SETTLED, SET, STANCE = 8e-3, 8e-3, 4e-3, 1e-4, 1e-5
+OTHERWISE, LABEL, SETTLED, SET, STANCE = 8e-3, 3e-2, 4e-3, 1e-5, 1e-5
 """The same for other kernels, for a label or a node of a search, for a stance set, and for a stance
 in a search by levels."""
 
@@ -123,17 +125,30 @@ def over_a_table(limbs):
     return among_obstacles(graph, table.base_position)
 
 
+def near_map():
+    """More points of the JEM."""
+    jem = jem_map()
+    near = (np.abs(jem.positions[:, 0] - 2.3) < 0.5) & (np.arange(len(jem)) % 2 == 0)
+    return jem.subset(near, "near")
+
+
 def without_a_table():
-    return stance_graph(small_map(), "mlivr3")
+    return stance_graph(near_map(), "mlivr3")
 
 
 def unknown_steps():
-    jem = jem_map()
-    near = (np.abs(jem.positions[:, 0] - 2.3) < 0.5) & (np.arange(len(jem)) % 2 == 0)
-    return stance_graph(jem.subset(near, "near"), settings=Settings(limb_threshold=0.05))
+    return stance_graph(near_map(), settings=Settings(limb_threshold=0.05))
+
+
+@cache
+def known_steps():
+    graph = stance_graph(near_map())
+    fill_rows(graph)
+    return graph
 
 
 CASES = {
+    "two limbs, steps known": known_steps,
     "table of three limbs": lambda: small_table(3)[0],
     "table of three limbs, obstacles": lambda: over_a_table(3),
     "table of four limbs, obstacles": lambda: over_a_table(4),
@@ -158,9 +173,14 @@ def query(graph, cost):
     return found
 
 
-@pytest.mark.parametrize("cost", ["base", "steps"])
-@pytest.mark.parametrize("case", CASES)
-def test_a_limit_is_kept_on_a_slow_machine(case, cost, monkeypatch):
+@pytest.mark.parametrize(
+    ("case", "cost", "method"),
+    [
+        *((case, cost, "astar") for case in CASES for cost in ("base", "steps")),
+        ("two limbs, steps known", "base", "dijkstra"),
+    ],
+)
+def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
     """Wherever in the search it ends: in bounds, among nodes, edges, postures or labels."""
     graph = CASES[case]()
     given = query(graph, cost)
@@ -168,13 +188,29 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, monkeypatch):
     for share in (None, *np.linspace(0.04, 0.94, 7).tolist()):
         fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
         limit, began = 1e9 if share is None else share * whole, machine.now
-        found = Planner(fresh).plan(*given, goal_tolerance=0.05, time_limit=limit, inflation=1.0)
+        found = Planner(fresh).plan(
+            *given, goal_tolerance=0.05, time_limit=limit, inflation=1.0, method=method
+        )
         took = machine.now - began
         whole = whole or took
         assert found.plan is not None or found.reason == "limit reached"
         assert took <= limit + OVERRUN
     graph.remove_obstacles()
     assert whole > 2.0 * OVERRUN
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
+    """As where obstacles may cut the goal off."""
+    graph = CASES["two limbs, obstacles"]() if limbs == 2 else over_a_table(3)
+    lazy_table = lower_bounds.LowerBounds(graph).lazy_table
+    machine, every = SlowMachine(monkeypatch), np.arange(len(lazy_table.table.points))
+    with pytest.raises(OutOfTime):
+        lazy_table.check_nodes(every, Clock(0.3))
+    assert machine.now <= 0.3 + OVERRUN
+    lazy_table.check_nodes(every, Clock(1e9))
+    graph.remove_obstacles()
+    assert machine.now > 0.3 + 2.0 * OVERRUN
 
 
 def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
