@@ -223,7 +223,7 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
 
         config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, build)
         _check_made_for(config, made_for(env, config["network"]), prefix)
-        weights = torch.load(io.BytesIO(read[0]), map_location="cpu", weights_only=True)
+        weights = _weights(read[0], prefix)
         actor_critic = make_actor_critic(env, config["network"], config["sizes"])
         if _shapes(weights) != _shapes(actor_critic.state_dict()):
             raise CheckpointError(
@@ -239,6 +239,23 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         raise CheckpointError(f"{prefix}: {reason}") from None
     actor_critic.set_training_mode(False)
     return LearnedPolicy(actor_critic, config["network"], config)
+
+
+def _weights(content: bytes, prefix: str) -> dict[str, Any]:
+    """Return the tensors of a file by name; raise a `CheckpointError` if it holds anything else.
+
+    The reason of torch is not quoted, since it advises to load the file all the same.
+    """
+    try:
+        weights = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except Exception:  # torch raises many types of errors
+        weights = None
+    if isinstance(weights, dict) and all(map(torch.is_tensor, weights.values())):
+        return weights
+    raise CheckpointError(
+        f"{prefix}: its file of weights is damaged or holds other things than tensors; "
+        "train it again"
+    )
 
 
 def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:

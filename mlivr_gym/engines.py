@@ -49,7 +49,7 @@ def executor_of(
 
     with ExitStack() as stack:
         if scheduler is None:
-            quiet = {"dashboard_address": ":0", "silence_logs": logging.CRITICAL}
+            quiet = {"dashboard_address": "127.0.0.1:0", "silence_logs": logging.CRITICAL}
             cluster: Any = LocalCluster(n_workers=count, threads_per_worker=1, **quiet)
             stack.enter_context(cluster)
         try:

@@ -47,6 +47,10 @@ def one_line(message: str) -> str:
 class MlivrError(ValueError):
     """Base class of all errors of the package: an input cannot be used."""
 
+    def __init__(self, message: str = "") -> None:
+        """Escape what is unprintable: files and other libraries are quoted, on terminals too."""
+        super().__init__(one_line(message))
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy message and attributes, since constructors may take something else."""
         return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]

@@ -129,7 +129,9 @@ class LevelSearch(PathSearch):
         self.check_effort += EDGE_EFFORT * len(steps)
         for s in (before, after):
             self._levels.is_checked[s, support] = True
-        return self.graph.kept_branches(support, before, after)
+        pieces = self.clock.pieces("edges", len(steps))
+        kept = [self.graph.kept_branches(support[k], before[k], after[k]) for k in pieces]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *kept])
 
     def _fewest_steps(self) -> int:
         """Return the fewest steps from an origin to the goal, -1 if none lead there."""

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -58,6 +57,7 @@ class PathSearch(ABC):
     def __init__(self, graph: StanceGraph, search: SearchQuery, start: State) -> None:
         """Prepare a search from a state."""
         self.graph, self.search, self.goal, self.start = graph, search, search.goal, start
+        self.clock = search.clock
         self.lower_bound, self.incumbent_cost = 0.0, np.inf
         self.expanded = self.generated = self.backward_expanded = self.check_effort = 0
         self.start_posture = graph.posture_of(start)
@@ -79,7 +79,7 @@ class PathSearch(ABC):
     @property
     def is_late(self) -> bool:
         """Whether the time or the effort of the query is spent."""
-        return self.effort >= self.search.effort or time.perf_counter() >= self.search.deadline
+        return self.effort >= self.search.effort or self.clock.is_over
 
     @property
     def effort(self) -> int:

@@ -182,12 +182,12 @@ class Planner(OnGraph):
         """
         if failed_joints:
 
-            def planned(graph: StanceGraph, given: Start) -> PlanningResult:
+            def planned(graph: StanceGraph, given: Start, seconds: float | None) -> PlanningResult:
                 return Planner(graph).plan(
                     given[0], goal, cost, regrasp_price=regrasp_price, method=method,
                     heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
                     goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                    time_limit=time_limit, effort=effort, route=route, progress=progress,
+                    time_limit=seconds, effort=effort, route=route, progress=progress,
                 )  # fmt: skip
 
             given = start, start_pose, start_joints

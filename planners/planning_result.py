@@ -101,8 +101,8 @@ def why_no_path(
     detail = f" after {result.expanded} expansions, no path from {start} to {goal}"
     if result.status == LIMIT_REACHED and not result.expanded:
         detail = (
-            f": the tables of this robot on this map were not built within "
-            f"{search.time_limit:g} s; they are still being built, so plan again"
+            ": the tables of this robot on this map, or the bounds of this goal, were not computed "
+            f"within {search.time_limit:g} s; plan again, or for longer"
         )
     elif not result.expanded and (start_state.pose is None or graph.successors(start_state)):
         detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"

@@ -28,7 +28,7 @@ from mlivr_gym.cli.exits import (
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError, SettingError, one_line
+from mlivr_gym.errors import MlivrError, NoPlanError, SettingError
 
 COMMANDS = {
     "plan": "plan a path from a start stance to a goal position",
@@ -108,9 +108,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if unknown:
             args.commands[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     except MlivrError as error:
-        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
+        print(f"mlivr-gym: {error}", file=sys.stderr)
         if "--json" in given:  # the parser may have stopped before this option
-            _print_json(REFUSED, one_line(str(error)), {})
+            _print_json(REFUSED, str(error), {})
         return REFUSED
     args.result = {}
     try:
@@ -135,8 +135,8 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
         with handle_interrupts(args.grace):
             return args.run(args) or SUCCESS, ""
     except MlivrError as error:
-        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
-        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))
+        print(f"mlivr-gym: {error}", file=sys.stderr)
+        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
     except KeyboardInterrupt as stop:
         print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"

@@ -27,7 +27,7 @@ from typing import Any, BinaryIO, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
 from mlivr_gym.compiled.cached_files import mark_used
 from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.envs_assets import asset_path
@@ -173,7 +173,7 @@ class TableFiles(Generic[Table]):
         if path is None:
             return None
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(path.parent)
             if self.mapped:
                 write_whole(path, self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED))
             else:

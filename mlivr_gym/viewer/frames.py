@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import PlanError, one_line
+from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
@@ -119,7 +119,7 @@ def load_recording(path: str | Path, plan: Plan) -> Recording:
             arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Recording)}
     except Exception as error:  # NumPy, zipfile and zlib raise errors of many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise PlanError(f"cannot read simulation {str(path)!r}: {one_line(reason)}") from None
+        raise PlanError(f"cannot read simulation {str(path)!r}: {reason}") from None
     count, limbs = len(arrays["times"]), plan.world.robot.limbs
     shapes = {"joint_positions": (count, limbs, 6), "grasp_forces": (count, limbs, 3)}
     for name, shape in shapes.items():

@@ -1,6 +1,7 @@
 """Learned policies: how they act, alone and with a beam, and their checkpoints."""
 
 import json
+import os
 import re
 from dataclasses import replace
 
@@ -23,6 +24,7 @@ from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_c
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.files import checksum
 from mlivr_gym.planners import Planner
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -188,3 +190,30 @@ def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
     assert policy.config["command"].startswith("mlivr-gym train")
     assert evaluate(env, policy, 10, max_steps=30).success_rate >= 0.9
     assert evaluate(env, beam_policy(policy), 10).success.all()
+
+
+class Malicious:
+    """What runs code when a careless program unpickles it."""
+
+    def __reduce__(self):
+        return os.mkdir, ("harmed",)
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [Malicious(), {"a\x1b]0;title\x07": Malicious()}, {"\x1b[2J": torch.zeros(1)}],
+)
+def test_a_malicious_checkpoint_is_refused_without_bad_advice(tmp_path, env, weights, monkeypatch):
+    """Torch advises to load it all the same; names in it may hold what a terminal obeys."""
+    monkeypatch.chdir(tmp_path)
+    path, config = kept(tmp_path, env), json.loads((tmp_path / "p.json").read_text())
+    torch.save(weights, path.with_suffix(".pt"))
+    del config["checksum"]
+    found = checksum(config, path.with_suffix(".pt").read_bytes())
+    path.with_suffix(".json").write_text(json.dumps(config | {"checksum": found}))
+    with pytest.raises(CheckpointError, match="cannot use checkpoint") as refused:
+        load_policy(path, env)
+    message = str(refused.value)
+    assert message.isprintable()
+    assert not any(word in message for word in ("weights_only", "torch.load", "trust"))
+    assert not (tmp_path / "harmed").exists()

@@ -13,7 +13,8 @@ from time_limit import AGES
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.building import complete_by_deadline
+from mlivr_gym.planners.building import result_by_deadline
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_sets import StanceSets
 
@@ -24,13 +25,14 @@ def test_work_outlasts_those_who_wait_for_it():
     def work():
         go.wait()
         done.append(1)
+        return len(done)
 
-    assert not complete_by_deadline("work", work, time.perf_counter() + 0.05)
-    assert not complete_by_deadline("work", work, time.perf_counter() + 0.05)
+    for _ in range(2):
+        with pytest.raises(OutOfTime):
+            result_by_deadline("work", work, time.perf_counter() + 0.05)
     go.set()
-    assert complete_by_deadline("work", work, time.perf_counter() + AGES)
-    assert done == [1]
-    assert complete_by_deadline("work", work, math.inf)
+    assert result_by_deadline("work", work, time.perf_counter() + AGES) == 1
+    assert result_by_deadline("work", work, math.inf) == 2
     assert done == [1, 1]
 
 
@@ -39,7 +41,7 @@ def test_its_error_is_raised_where_it_is_waited_for():
         raise ValueError("torn")
 
     with pytest.raises(ValueError, match="torn"):
-        complete_by_deadline("torn", work, time.perf_counter() + AGES)
+        result_by_deadline("torn", work, time.perf_counter() + AGES)
 
 
 def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
