@@ -10,6 +10,7 @@ from statistics import fmean, median
 from typing import Any
 
 from mlivr_gym.cli.arguments import THREADS, option, refuse_without_effect
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
@@ -46,6 +47,7 @@ def run(args: argparse.Namespace) -> None:
     design = StudyDesign.from_file(args.file)
     sys.path.insert(0, str(Path(args.file).resolve().parent))  # modules of functions of the study
     folder = Path(args.out or Path(args.file).with_suffix(""))
+    check_outputs(folder / "study.md", folder=folder)
     total = len(design.combinations) * design.tasks
     with Progress("runs", total, args.quiet) as progress:
         file = run_study(

@@ -50,6 +50,17 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     return np.concatenate(found)
 
 
+def nearest_told(grasp_map: GraspMap, span: float) -> str:
+    """Return how far the nearest two points are apart, for a message; empty for a single point."""
+    if len(grasp_map) == 1:
+        return ""
+    from scipy.spatial import cKDTree
+
+    nearest = float(cKDTree(grasp_map.positions).query(grasp_map.positions, 2)[0][:, 1].min())
+    ask = "; if the map is not in metres, give its unit" if nearest > span else ""
+    return f": the nearest two are {nearest:g} m apart{ask}"
+
+
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:
     """Check that the points of a stance are not too close to each other, and within the span.
 
