@@ -68,7 +68,10 @@ def check_outputs(
         if file is None:
             continue
         try:
-            resolved = plain_file(file)
+            try:
+                resolved = plain_file(file)
+            except NotADirectoryError:  # below, in other words
+                resolved = Path(file)
             _check(Path(file), resolved, Path(folder) if folder is not None else None)
             if resolved is None:
                 continue
