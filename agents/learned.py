@@ -20,7 +20,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observation_space
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError, shortened
-from mlivr_gym.files import checksum, load, write_whole
+from mlivr_gym.files import checksum, load, write_whole, written_together
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.sharing import Independent
@@ -164,7 +164,7 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
 
 
 def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> None:
-    """Write the weights to `PATH.pt` and the configuration to `PATH.json`.
+    """Write the weights to `PATH.pt` and the configuration to `PATH.json`, both or none.
 
     Loading needs `network`, `sizes` and the result of `made_for` in the configuration; format,
     number of the graph's rules and checksum are added here. Raises a `FileError` if a file cannot
@@ -176,8 +176,9 @@ def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> 
     config = config | {"format": FORMAT, "rules": GRAPH_RULES}
     config.pop("checksum", None)  # that of the file from which the configuration was read
     config |= {"checksum": checksum(config, weights)}
-    write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
-    write_whole(path.with_suffix(".pt"), weights)
+    with written_together():
+        write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
+        write_whole(path.with_suffix(".pt"), weights)
 
 
 def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:

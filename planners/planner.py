@@ -223,8 +223,8 @@ class Planner(OnGraph):
     ) -> Cause:
         """Return the rule that cuts a goal off from the start, and what would help.
 
-        The query is repeated on graphs without obstacles, collisions, thresholds, joint limits or
-        step checks, which takes some seconds.
+        If there is a plan, the message says so. Otherwise the query is repeated on graphs without
+        obstacles, collisions, thresholds, joint limits or step checks, which takes some seconds.
 
         The arguments are those of `plan`; with more than two limbs each search expands at most
         `limit` states. Raises an `MlivrError` if an argument cannot be used, or the start cannot be
@@ -233,6 +233,12 @@ class Planner(OnGraph):
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
         limit = MAX_EXPANSIONS if isinstance(self.graph, TwoLimbGraph) else limit
+        search = SearchQuery.from_options(self.graph, target, limit=limit)
+        found = self._searched(search, start_state, Timer())
+        if found:
+            return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")
+        if found.reason == NO_SWING:
+            return Cause((), found.message)
         return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
@@ -255,7 +261,7 @@ class Planner(OnGraph):
         result = self._searcher.find(search, start_state)
         timer.search = timer.lap()
         if result is None:
-            return without_plan(GOAL_UNREACHABLE, not_connected(search.goal), timer)
+            return without_plan(GOAL_UNREACHABLE, not_connected(self.graph, search.goal), timer)
         if result.status != GOAL_REACHED:
             message = why_no_path(self.graph, result, search, start_state)
             return without_plan(result.status, message, timer, result)

@@ -33,7 +33,7 @@ LAYERS = (
     {"schema", "engines"},
     {"values", "extras"},
     {"compiled", "errors", "sharing"},
-    {"envs_assets", "_version", "_headless", "arrays"},
+    {"envs_assets", "_version", "_headless", "_interrupts", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""
 

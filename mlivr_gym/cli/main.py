@@ -16,12 +16,12 @@ from typing import Any, NoReturn
 import numpy as np
 
 from mlivr_gym import __version__
+from mlivr_gym._interrupts import INTERRUPTED, is_command, silence
 from mlivr_gym.cli.examples import examples
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
     FAILED,
     GRACE,
-    INTERRUPTED,
     NO_PLAN,
     REFUSED,
     SUCCESS,
@@ -104,6 +104,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
+        code = _run_line(given)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return FAILED
+    except KeyboardInterrupt:
+        print_interrupted()
+        code = INTERRUPTED
+    if code == INTERRUPTED and is_command():
+        silence()
+    return code
+
+
+def _run_line(given: Sequence[str]) -> int:
+    """Run a command line, and return its exit code."""
+    try:
         args, unknown = _parser(given).parse_known_args(given)
         if unknown:
             args.commands[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
@@ -113,13 +128,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _print_json(REFUSED, str(error), {})
         return REFUSED
     args.result = {}
-    try:
-        with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
-            code, message = _run(args)
-        if args.json:
-            _print_json(code, message, args.result)
-    except BrokenPipeError:
-        return FAILED
+    with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
+        code, message = _run(args)
+    if args.json:
+        _print_json(code, message, args.result)
     return code
 
 

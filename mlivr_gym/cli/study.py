@@ -10,6 +10,7 @@ from statistics import fmean, median
 from typing import Any
 
 from mlivr_gym.cli.arguments import THREADS, option, refuse_without_effect
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
@@ -48,6 +49,7 @@ def run(args: argparse.Namespace) -> None:
         # Last, so that no file beside a study hides an installed module of its name.
         sys.path.append(str(Path(args.file).resolve().parent))
     folder = Path(args.out or Path(args.file).with_suffix(""))
+    check_outputs(folder / "study.md", folder=folder)
     total = len(design.combinations) * design.tasks
     with Progress("runs", total, args.quiet) as progress:
         file = run_study(

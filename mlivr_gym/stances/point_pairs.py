@@ -59,6 +59,15 @@ def count_beyond_span(grasp_map: GraspMap, robot: RobotSpec) -> int:
     return 2 * int((apart > robot.span + 1e-9).sum())
 
 
+def nearest_told(grasp_map: GraspMap, span: float) -> str:
+    """Return how far the nearest two points are apart, for a message; empty for a single point."""
+    if len(grasp_map) == 1:
+        return ""
+    nearest = float(scipy.spatial.cKDTree(grasp_map.positions).query(grasp_map.positions, 2)[0][:, 1].min())
+    ask = "; if the map is not in metres, give its unit" if nearest > span else ""
+    return f": the nearest two are {nearest:g} m apart{ask}"
+
+
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:
     """Check that the points of a stance are not too close to each other, and within the span.
 

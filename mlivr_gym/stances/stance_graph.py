@@ -32,7 +32,7 @@ from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.point_pairs import check_distances, pairs_within
+from mlivr_gym.stances.point_pairs import check_distances, nearest_told, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
 from mlivr_gym.world.given_points import STANCE
 from mlivr_gym.world.grasp_map import GraspMap
@@ -74,6 +74,7 @@ class StanceGraph(CheckedSteps):
             raise RobotError(
                 f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of "
                 f"its points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
+                f"{nearest_told(grasp_map, robot.span)}"
             )
         both = np.concatenate([pairs, pairs[:, ::-1]])
         ordered: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]

@@ -279,7 +279,7 @@ def _fields_of(read: dict[str, Any], root: FieldPath, name: str, folder: Path) -
         raise MapError("the map has no graspable point; give 'points', 'segments' or 'parts'")
     positions = np.array([row[2] for row in rows]).reshape(-1, 3)
     if not ("unit" in read or parts):
-        check_points(positions)
+        check_points(positions, read.get("name", name))
     cabin = read.get("cabin")
     if cabin is None and not parts:
         around = positions.min(axis=0) - MARGIN, positions.max(axis=0) + MARGIN
