@@ -63,7 +63,8 @@ def nearest_told(grasp_map: GraspMap, span: float) -> str:
     """Return how far the nearest two points are apart, for a message; empty for a single point."""
     if len(grasp_map) == 1:
         return ""
-    nearest = float(scipy.spatial.cKDTree(grasp_map.positions).query(grasp_map.positions, 2)[0][:, 1].min())
+    positions = grasp_map.positions
+    nearest = float(scipy.spatial.cKDTree(positions).query(positions, 2)[0][:, 1].min())
     ask = "; if the map is not in metres, give its unit" if nearest > span else ""
     return f": the nearest two are {nearest:g} m apart{ask}"
 
