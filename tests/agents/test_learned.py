@@ -1,5 +1,6 @@
 """Learned policies: how they act, alone and with a beam, and their checkpoints."""
 
+import errno
 import json
 import os
 import re
@@ -24,7 +25,7 @@ from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_c
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
-from mlivr_gym.files import checksum
+from mlivr_gym.files import FileError, checksum
 from mlivr_gym.planners import Planner
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -88,6 +89,27 @@ def kept(tmp_path, env, network="pointer", policy=None, **change):
     config = {"network": network, "sizes": sizes} | made_for(env, network) | change
     save_policy(tmp_path / "p", policy or make_actor_critic(env, network, sizes), config)
     return tmp_path / "p"
+
+
+@pytest.mark.parametrize("suffix", [".pt", ".json"])
+def test_a_checkpoint_is_replaced_as_a_pair(tmp_path, env, monkeypatch, suffix):
+    """If one of its files cannot be, the old pair is there, and can be used."""
+    path = kept(tmp_path, env, command="old")
+    replace = os.replace
+
+    def refuse(source, target):
+        if str(target).endswith(suffix):
+            raise OSError(errno.EBUSY, "in use")
+        replace(source, target)
+
+    monkeypatch.setattr("mlivr_gym.files.os.replace", refuse)
+    with pytest.raises(FileError, match="in use"):
+        kept(tmp_path, env, command="new")
+    assert load_policy(path, env).config["command"] == "old"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["p.json", "p.pt"]
+    monkeypatch.undo()
+    kept(tmp_path, env, command="new")
+    assert load_policy(path, env).config["command"] == "new"
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".json"])

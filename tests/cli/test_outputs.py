@@ -109,7 +109,7 @@ def test_a_scene_that_cannot_be_exported_leaves_no_picture(run, tmp_path, plan_f
     def fail(*_):
         raise SceneError("MuJoCo cannot build it")
 
-    monkeypatch.setattr("mlivr_gym.simulation.scene.compile_spec", fail)
+    monkeypatch.setattr("mlivr_gym.simulation.export.compile_spec", fail)
     out, scene = tmp_path / "x.png", tmp_path / "scene.xml"
     code, _, err = run("render", "--plan", str(plan_file), "--out", str(out), "--mjcf", str(scene))
     assert code == 2
