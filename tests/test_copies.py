@@ -59,9 +59,7 @@ def test_a_copy_answers_as_a_new_object(name):
     copies = [way(one) for way in WAYS]
     for way, other in zip(WAYS, copies, strict=True):
         assert same(CASES[name].ask(other), truth(name)), way
-    assert same(
-        CASES[name].ask(one), truth(name)
-    )  # whatever the copies did
+    assert same(CASES[name].ask(one), truth(name))  # whatever the copies did
 
 
 def test_an_object_answers_in_a_spawned_process_as_here():
