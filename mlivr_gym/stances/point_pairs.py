@@ -51,7 +51,7 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     return np.concatenate(found)
 
 
-def count_beyond_span(grasp_map: GraspMap, robot: RobotSpec) -> int:
+def count_farther(grasp_map: GraspMap, robot: RobotSpec) -> int:
     """Return the number of ordered pairs beyond the span that two outstretched limbs reach."""
     tree = scipy.spatial.cKDTree(grasp_map.positions)
     pairs = tree.query_pairs(2.0 * robot.reach, output_type="ndarray")

@@ -25,7 +25,7 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import locked
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
-from mlivr_gym.stances.point_pairs import count_beyond_span
+from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -242,7 +242,7 @@ class TwoLimbGraph(StanceGraph):
     @cached_property
     def farther_than_span(self) -> int:
         """Number of ordered pairs of points beyond the span that two outstretched limbs reach."""
-        return count_beyond_span(self.grasp_map, self.robot)
+        return count_farther(self.grasp_map, self.robot)
 
     def find(self, stance: Sequence[int]) -> int:
         """Return the index of a stance given by point indices, -1 if it is no node."""

@@ -78,3 +78,15 @@ def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
     again = planner.plan(start, goal, "steps", goal_tolerance=0.05, time_limit=AGES)
     assert again.reason != "limit reached"
     assert calls == [1]
+
+
+def test_a_query_with_time_waits_for_what_is_worked_out_for_it(monkeypatch):
+    """By a thread that needs nothing that the query holds meanwhile."""
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.setattr("mlivr_gym.stances.table_files._memory", OrderedDict())
+    graph = stance_graph(small_map(), "mlivr3")
+    start = random_state(graph, np.random.default_rng(0))
+    goal = np.clip(graph.posture_of(start).base_position[0] + 0.3, *graph.grasp_map.cabin)
+    found = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05, time_limit=15.0)
+    assert found.reason != "limit reached"
+    assert graph.sets(build=False) is not None
