@@ -75,8 +75,8 @@ class ImplicitSearch(PathSearch):
             return MoveBounds(graph, goal, self.clock)
         return SetBounds(graph, sets, goal, self.clock)
 
-    def paths(self) -> Iterator[StatePath]:
-        """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         self._push_start()
         while self._continues():
             queue = self._next_queue()

@@ -180,7 +180,7 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
 def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     """By a clock that each of them moves on by nine seconds; the test above knows the proofs."""
     first, table = known
-    taken, check, clock = [0.0], LazyNodeTable.check_nodes, time.perf_counter
+    taken, check, clock = [0.0], LazyNodeTable._check_nodes, time.perf_counter
 
     def slow(lazy_table, rows):
         taken[0] += 9.0 * len(rows)
@@ -191,7 +191,7 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
     monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
     monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
-    monkeypatch.setattr(LazyNodeTable, "check_nodes", slow)
+    monkeypatch.setattr(LazyNodeTable, "_check_nodes", slow)
     monkeypatch.setattr(time, "perf_counter", lambda: clock() + taken[0])
     late = []
     for search in cut_off(first, table, np.random.default_rng(4), 20, 1, lambda *_: np.inf):
