@@ -78,6 +78,7 @@ def costs_to_goal(
     starts: IntArray,
     start_bounds: Array,
     extension: tuple[float, float],
+    *,
     clock: Clock = UNLIMITED,
 ) -> tuple[Array, BoolArray]:
     """Compute lower bounds of the cost from each of n nodes to the goal.

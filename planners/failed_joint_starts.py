@@ -50,9 +50,9 @@ def plan_with_failed_joints(
     try:
         for results_in, given in starts_with_failed_joints(graph, failed, start):
             spent = time.perf_counter() - began
-            left = None if time_limit is None else max(time_limit - spent, 0.0)
-            result = plan(results_in, given, left)
-            if result.plan is not None or left == 0.0:
+            remaining = None if time_limit is None else max(time_limit - spent, 0.0)
+            result = plan(results_in, given, remaining)
+            if result.plan is not None or remaining == 0.0:
                 break
     except StanceError as error:
         return without_plan(START_INFEASIBLE, str(error), timer)

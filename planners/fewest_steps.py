@@ -57,10 +57,8 @@ def fewest_steps(
         given = table, level, steps, support_set_status, reached
         for count, share in ((len(steps), _mark_frontier), (len(table.start) - 1, _expand_level)):
             for piece in clock.pieces(share.__name__, count):
-                in_parallel(
-                    piece.stop - piece.start, _shifted(share, piece.start), *given,
-                    scratch_rows=rows, least=LEAST_IN_THREADS,
-                )  # fmt: skip
+                size, shifted = piece.stop - piece.start, _shifted(share, piece.start)
+                in_parallel(size, shifted, *given, scratch_rows=rows, least=LEAST_IN_THREADS)
         if not reached[0]:
             return steps, np.inf
         level += 1

@@ -75,8 +75,8 @@ class ImplicitSearch(PathSearch):
             return MoveBounds(graph, goal, self.clock)
         return SetBounds(graph, sets, goal, self.clock)
 
-    def paths(self) -> Iterator[StatePath]:
-        """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         self._push_start()
         while self._continues():
             queue = self._next_queue()
@@ -238,13 +238,14 @@ class ImplicitSearch(PathSearch):
     def _branch_sets_after(self, batch: list[Entry]) -> IntArray:
         """Check the steps to stances; return the branch sets after them, shape (k, N)."""
         parents = list(dict.fromkeys(entry.parent for entry in batch if entry.parent is not None))
-        return self.graph.branch_sets_after(
+        found: IntArray = self.graph.branch_sets_after(
             [parent.state for parent in parents],
             join(*(parent.posture for parent in parents)),
             np.array([parents.index(entry.parent) for entry in batch if entry.parent is not None]),
             np.array([entry.state.stance for entry in batch], dtype=np.int64),
             join(*(entry.posture for entry in batch)),
         )
+        return found
 
     def _expand(self, entry: Entry) -> bool:
         """Expand an entry unless it is dominated; return whether it is at the goal."""

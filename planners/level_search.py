@@ -91,7 +91,7 @@ class LevelSearch(PathSearch):
         at_goal = nodes[np.isin(nodes, self._goals)]
         self._origin_at_goal = int(at_goal[0]) if len(at_goal) else -1
 
-    def paths(self) -> Iterator[StatePath]:
+    def _paths(self) -> Iterator[StatePath]:
         """Yield a path of fewest steps, if there is one."""
         step_weight = self.goal.cost.step_weight
         while not self.is_late and self.expanded < self.search.limit:

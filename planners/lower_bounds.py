@@ -143,7 +143,7 @@ class LowerBounds:
             extension = self._extension[0], self._extension[1] * cost.step_weight
             start_bounds = self._start_bounds(cost, starts, forbidden, clock)
             h, exact = costs_to_goal(
-                table, goals, cost_weights(cost), starts, start_bounds, extension, clock
+                table, goals, cost_weights(cost), starts, start_bounds, extension, clock=clock
             )
         else:
             steps, smallest = fewest_steps(

@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -64,9 +66,14 @@ class PathSearch(ABC):
         position = self.start_posture.base_position[0]
         self.starts_at_goal = bool(self.goal.reached(position, start.stance))
 
-    @abstractmethod
     def paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+        with suppress(OutOfTime):
+            yield from self._paths()
+
+    @abstractmethod
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield these paths; raise `OutOfTime` at the deadline."""
 
     @abstractmethod
     def is_connected(self) -> bool:

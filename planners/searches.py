@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -210,13 +209,12 @@ def run_search(path_search: PathSearch) -> SearchResult | None:
         return SearchResult(GOAL_REACHED, (start,), 0.0, 1, 1, np.zeros((0, 2, 3)), bound=1.0)
     incumbent: StatePath | None = None
     improvements = []
-    with suppress(OutOfTime):
-        for path in path_search.paths():
-            incumbent = path
-            elapsed, bound = time.perf_counter() - search.start_time, path_search.bound()
-            improvements.append(Improvement(elapsed, path_search.incumbent_cost, bound))
-            if bound <= search.inflation:
-                break
+    for path in path_search.paths():
+        incumbent = path
+        elapsed, bound = time.perf_counter() - search.start_time, path_search.bound()
+        improvements.append(Improvement(elapsed, path_search.incumbent_cost, bound))
+        if bound <= search.inflation:
+            break
     tree, backward_expanded = path_search.tree(), path_search.backward_expanded
     counts = path_search.expanded, path_search.generated, tree, backward_expanded
     if incumbent is None:

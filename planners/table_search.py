@@ -271,8 +271,8 @@ class TableSearch(PathSearch):
         improved[nodes] = 0.0
         return goal_bounds._replace(h=improved)
 
-    def paths(self) -> Iterator[StatePath]:
-        """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         if not len(self._origins.nodes):
             self.lower_bound = np.inf
             return

@@ -59,7 +59,7 @@ class Page:
             ) from None
         # Otherwise a browser that opens a connection and drops it would cause a traceback.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-        with _silence(), _own_pages_only(host):
+        with _silence(), _same_origin_only(host):
             self.server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.scene, self.gui = self.server.scene, self.server.gui
         self.gui.add_html(_TAB.format(html.escape(json.dumps(title))))
@@ -218,7 +218,7 @@ class Page:
 
 
 @contextlib.contextmanager
-def _own_pages_only(host: str) -> Iterator[None]:
+def _same_origin_only(host: str) -> Iterator[None]:
     """Let servers that are started in the block refuse the pages of other sites.
 
     Any page in the same browser can send requests to this computer. Its browser tells its origin,

@@ -180,7 +180,7 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
 def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     """By a clock that they alone move, by nine seconds each; the test above knows the proofs."""
     first, table = known
-    taken, check = [0.0], LazyNodeTable.check_nodes
+    taken, check = [0.0], LazyNodeTable._check_nodes
 
     def slow(lazy_table, rows):
         taken[0] += 9.0 * len(rows)
@@ -191,7 +191,7 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
     monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
     monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
-    monkeypatch.setattr(LazyNodeTable, "check_nodes", slow)
+    monkeypatch.setattr(LazyNodeTable, "_check_nodes", slow)
     monkeypatch.setattr(time, "perf_counter", lambda: taken[0])
     monkeypatch.setattr(SearchQuery, "deadline", property(lambda query: query.time_limit))
     late = []
