@@ -193,7 +193,6 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
     monkeypatch.setattr(LazyNodeTable, "_check_nodes", slow)
     monkeypatch.setattr(time, "perf_counter", lambda: taken[0])
-    monkeypatch.setattr(SearchQuery, "deadline", property(lambda query: query.time_limit))
     late = []
     rng = np.random.default_rng(4)
     for search in cut_off(first, table, rng, 20, 1, lambda *_: np.inf, time_limit=60.0):
