@@ -144,3 +144,17 @@ def test_a_box_extends_by_its_margin_beyond_the_hits(caution):
     largest = rng.standard_normal((20_000, count)).max(axis=1).mean()
     expected = caution.margin - caution.is_denoised * NOISE * largest
     np.testing.assert_allclose(beyond, expected, atol=1e-9 + 0.02 * NOISE * caution.is_denoised)
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.005, 0.01])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_cube_has_grown_by_more_than_the_margin_or_half_a_centimetre(margin, side):
+    for share in (0.98, 1.02):
+        cubes, middle = HitCubes(ORIGIN, SHAPE, NOISE), np.full(3, 0.5 * CUBE)
+        cell = np.floor((middle[None] - ORIGIN) / CUBE).astype(int)
+        cubes.count(middle[None], cell)
+        cubes.rows["graph_extent"] = cubes.rows["extent"]
+        assert not cubes.has_grown("graph_extent", margin).any()
+        beyond = middle + side * share * max(margin, 0.005) * np.array([0.0, 1.0, 0.0])
+        cubes.count(beyond[None], cell)
+        assert cubes.has_grown("graph_extent", margin).tolist() == [share > 1.0]

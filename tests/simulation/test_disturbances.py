@@ -9,12 +9,15 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
+from mlivr_gym.simulation import monte_carlo
 from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
+from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
+from mlivr_gym.simulation.recording import Capture, Peaks
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import Simulation
 
 
@@ -159,6 +162,24 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
         with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
             list(execute_many(checked_graph, [plan], **bad))
+
+
+def test_an_outcome_has_the_largest_figures_of_its_steps(jem, plan, monkeypatch):
+    """Of steps that were never simulated."""
+    rng, steps = np.random.default_rng(0), []
+    for number in range(3):
+        loads = rng.uniform(size=(2, 2))
+        peaks = Peaks(rng.uniform(size=(2, 6)), 1.0, *loads, *rng.uniform(size=3))
+        capture = Capture(1.0, number, 0, "D2a:4", *rng.uniform(size=2), attempts=1 + number % 2)
+        steps.append(SimulatedInterval(None, peaks, capture, None))
+    monkeypatch.setattr(monte_carlo, "execute_timed_plan", lambda *_: steps)
+    timed = TimedPlan(plan, (None,) * 3)
+    first, second = monte_carlo._outcomes(jem, Setup(), (40, 2), (3, timed))
+    assert (first.plan, first.seed, second.seed, first.failure) == (3, 46, 47, None)
+    assert (first.steps, first.done, first.attempts) == (3, 3, 2)
+    assert first.capture_distance == max(step.capture.distance for step in steps)
+    for name in ("grasp_force", "grasp_torque", "joint_torque", "base_error"):
+        assert getattr(first, name) == max(np.max(getattr(one.peaks, name)) for one in steps)
 
 
 @pytest.mark.parametrize(("done", "count"), [(0, 5), (5, 5), (8, 10), (37, 200)])

@@ -12,6 +12,7 @@ import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
+from mlivr_gym.cli.study import combination_means, summary_table
 from mlivr_gym.engines import executor_of
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import FileError
@@ -202,6 +203,26 @@ def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert [one["successes"] for one in found["combinations"]] == [2, 2]
     assert main(["study", str(path), "--scheduler", "tcp://x:1"]) == 2
+
+
+def test_counts_means_and_medians_are_those_of_each_combination():
+    """Of two levels with three rows each, of which one run found nothing and one was refused."""
+    design = StudyDesign.from_data(
+        {"kind": "plan", "tasks": 3, "factors": {"cost": ["steps", "base"]}}
+    )
+    plain = {"error": "", "reason": "", "seconds": 1.0, "steps": 4}
+    changes = [{}, {"steps": 9, "seconds": 2.0}, {"steps": 2, "seconds": 9.0}]
+    changes += [{"steps": None, "reason": "no plan"}, {"steps": 6, "seconds": 3.0}]
+    refused = dict.fromkeys(["reason", "steps", "seconds"])
+    changes += [refused | {"error": "no such point"}]
+    first, second = combination_means(design, [plain | change for change in changes])
+    assert (first["runs"], first["successes"], first["errors"]) == (3, 3, 0)
+    assert (first["mean_steps"], first["median_seconds"]) == (5.0, 2.0)
+    assert (second["runs"], second["successes"], second["errors"]) == (3, 1, 1)
+    assert (second["mean_steps"], second["median_seconds"]) == (6.0, 2.0)
+    assert second["error"] == "no such point"
+    rows = summary_table(design, [first, second]).splitlines()
+    assert rows[2:] == ["| steps | 3 | 3 | 5.00 | 2 | 0 |", "| base | 3 | 1 | 6.00 | 2 | 1 |"]
 
 
 @pytest.mark.parametrize("name", ["study.parquet", "blocks/000000.parquet"])
