@@ -13,7 +13,7 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.warming import reporting
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import robot_spec
@@ -22,11 +22,12 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 POINTS = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
-HEIGHT = 0.65
+NUMBER = 1
+"""The second candidate base pose: 0.65 m over the grasps."""
 
 
 class PlainSolver(PostureSolver):
-    """A posture solver that places the base at one height, with every branch feasible."""
+    """A posture solver that takes one candidate base pose, with every branch feasible."""
 
     def causes_at_points(self, grid: object) -> IntArray:
         """Return that no gripper touches anything, at any point."""
@@ -34,16 +35,13 @@ class PlainSolver(PostureSolver):
 
     def solve(self, stances: IntArray, *, nodes_only: bool = False) -> Postures:
         """Return postures of stances given as point indices, shape (k, 2)."""
-        points = self.grasp_map.positions[stances]
-        centroid = points.mean(axis=1)
-        rails = self.grasp_map.rotations[stances[:, 0], :, 0]
-        frames, out, _, _ = base_frames(
-            points - centroid[:, None], self.grasp_map.normals[stances], rails
-        )
         count = len(stances)
+        base_position, base_rotation = bases_at(
+            self.grasp_map, self.robot, stances, np.full(count, NUMBER)
+        )
         return Postures(
-            base_position=centroid + HEIGHT * out,
-            base_rotation=frames,
+            base_position=base_position,
+            base_rotation=base_rotation,
             w_m=np.ones((count, 2)),
             w_b=np.ones(count),
             branch=np.zeros((count, 2), dtype=np.int64),

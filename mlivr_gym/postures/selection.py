@@ -1,6 +1,7 @@
-"""Computation of postures from their candidates, for many stances (compiled).
+"""Computation of the postures of many stances (compiled).
 
-`rule` chooses among the candidates, `branches` computes the branch sets; `solver` is the caller.
+The rule applies to the robot alone at first; then what it chose is compared with the boxes. Only
+where it touches one, the rule applies to what touches none.
 """
 
 from __future__ import annotations
@@ -9,244 +10,147 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.distances import CLEAR, SELF
-from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.compiled.bit_sets import ALL, CLASSES, NO, NONE, class_of
+from mlivr_gym.compiled.bit_sets import ALL, EMPTY, NO, YES, class_of
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.arm import FlangeAxis
-from mlivr_gym.kinematics.families import SINGULAR, branch_terms
-from mlivr_gym.kinematics.limb import flange_seen
-from mlivr_gym.kinematics.manipulability import limb_information
-from mlivr_gym.kinematics.poses import Pose, columns, turn, vector
-from mlivr_gym.postures.branches import combined_w_b, set_branch_sets
-from mlivr_gym.postures.records import (
-    CandidatePose,
-    Posture,
-    PostureRule,
-    PostureScratch,
-    PostureSearch,
-    StanceGeometry,
-)
-from mlivr_gym.postures.rule import best_posture, prepare_candidate, touches_nothing
-
-
-@kernel
-def evaluate_reach(
-    robot: RobotModel,
-    geometry: StanceGeometry,
-    floor: float,
-    candidate: CandidatePose,
-    scratch: PostureScratch,
-) -> float:
-    """Compute flange poses and `w_m` of the branch classes of each limb at a base pose.
-
-    The results are stored in `candidate.limbs`. Returned is the minimum over the limbs of the `w_m`
-    of their best class; 0 as soon as one is below `floor`.
-    """
-    least = np.inf
-    terms = scratch.holding.proof.terms
-    for i in range(robot.limb_count):
-        limb, limb_reach = robot.limbs[i], candidate.limbs[i]
-        unit = limb.arm.links / robot.characteristic_length**3
-        seen, _ = flange_seen(limb, candidate.base, geometry.grasps[i].flange)
-        branch_terms(limb.arm, seen, terms)
-        best = 0.0
-        for k in range(3):
-            limb_reach.p[k], limb_reach.z[k] = seen.p[k], seen.z[k]
-        for c in range(CLASSES):
-            square = terms[c, 3]
-            limb_reach.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
-            best = max(best, limb_reach.w[c])
-        if best < floor:
-            return 0.0
-        least = min(least, best)
-    return least
-
-
-@entry
-def reach_all(robots: Any, geometry: Any, candidates: Any, scratch_rows: Any) -> None:
-    """Evaluate the reach of K stances, records of `StanceGeometry`, each at one base pose.
-
-    `candidates` are records of `CandidatePose` with the base poses, shape (K,); the results are
-    filled.
-    """
-    for k in range(len(geometry)):
-        candidates[k].margin_bound = evaluate_reach(
-            robots[0], geometry[k], 0.0, candidates[k], scratch_rows[0]
-        )
-
-
-@entry
-def base_along(
-    robots: Any, candidates: Any, branches: IntArray, scratch_rows: Any, w_b: Array
-) -> None:
-    """Compute `w_b` of K stances on given branches, shape (K, N), after `reach_all`."""
-    robot, scratch = robots[0], scratch_rows[0]
-    count = robot.limb_count
-    for k in range(len(candidates)):
-        for i in range(count):
-            limb_reach, b = candidates[k].limbs[i], branches[k, i]
-            scratch.combination[i] = b
-            limb_information(
-                robot.limbs[i],
-                FlangeAxis(vector(limb_reach.p), vector(limb_reach.z)),
-                b,
-                robot.characteristic_length,
-                scratch.inversion,
-                scratch.information[i, b],
-            )
-        w_b[k] = combined_w_b(count, scratch)
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.postures.base_poses import place, pose_count, set_pose, set_stance, turn_to_first
+from mlivr_gym.postures.branch_sets import remove_touching, set_branch_sets
+from mlivr_gym.postures.reach import evaluate_reach
+from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch, PostureWorld
+from mlivr_gym.postures.rule import Choice, choose, prepare_candidate
 
 
 @entry
 def solve_postures(
     start: int,
     stop: int,
-    stances: Any,
-    robots: Any,
-    rules: Any,
-    grid: BoxGrid,
+    stances: IntArray,
+    bases: Any,
+    world: PostureWorld,
     out: Any,
     scratch_rows: Any,
 ) -> None:
     """Compute the posture of each stance from `start` to `stop`, excluded.
 
-    Grasps, directions and base poses of a stance are relative to the centroid of its grasps.
-    `stances` are records of `StanceGeometry` and `out` of `Posture`, initially zero, shape (k,);
-    `robots`, `rules` and `scratch_rows` are one record of `RobotModel`, `PostureRule` and
-    `PostureScratch`.
+    `stances` are point indices, shape (k, N), `out` records of `Posture`, initially zero, shape
+    (k,). `bases` are records of `Pose` in the world, shape (k,), if the rule has them given.
     """
     scratch = scratch_rows[0]
-    for g in range(start, stop):
-        _solve(stances[g], robots[0], rules[0], grid, out[g], scratch)
+    for k in range(start, stop):
+        set_stance(world.points, world.rules[0].poses, stances[k], scratch.geometry)
+        chosen = _solve(world, stances[k], bases[min(k, len(bases) - 1)], scratch)
+        _write(world, scratch.postures[chosen], out[k], scratch)
 
 
 @part
-def _solve(
-    geometry: StanceGeometry,
-    robot: RobotModel,
-    rule: PostureRule,
-    grid: BoxGrid,
-    out: Posture,
-    scratch: PostureScratch,
-) -> None:
-    """Compute the posture of one stance, see `solve_postures`."""
-    count = _evaluate_candidates(geometry, robot, rule, scratch)
-    limits = rule.thresholds
-    # First the best posture without self-penetration; only if it comes closer to something than
-    # the clearance, the best posture that keeps the clearance.
-    chosen, node, touches = NONE, False, CLEAR
-    loose = PostureSearch(robot, geometry, rule, grid, 0.0, count)
-    strict = PostureSearch(robot, geometry, rule, grid, limits.clearance, count)
-    for avoid in range(2):
-        if (avoid == 0 and rule.best_touches) or (
-            avoid == 1 and not (rule.best_touches or touches != CLEAR)
-        ):
-            continue
-        search, lowest = (strict if avoid else loose), 0.0
-        if avoid or rule.nodes_only:
-            lowest = rule.node_margin
-        out.cause = touches
-        best = best_posture(search, lowest, avoid == 0, scratch, out.branch)
-        chosen = best.pose
-        node = _store(robot, rule, scratch, best.pose, best.w_b, out)
-        if avoid == 0:
-            if not node and best.largest_margin > rule.node_margin:
-                out.cause = SELF
-            if node and rule.check_contacts and not _keeps_clearance(strict, chosen, out, scratch):
-                touches = SELF
-        elif node:
-            out.cause = CLEAR
-    if node and rule.check_branches:
-        search = strict if rule.check_contacts else loose
-        prepare_candidate(search, chosen, np.inf, NO, scratch)
-        candidate = scratch.candidates[chosen]
-        set_branch_sets(search, candidate, scratch, out)
-    elif node:
-        for i in range(robot.limb_count):
-            out.branch_sets[i] = ALL
+def _solve(world: PostureWorld, stance: IntArray, base: Pose, scratch: PostureScratch) -> int:
+    """Compute the posture of a stance; return its index in `scratch.postures`."""
+    robot, rule, geometry, grid = world.robots[0], world.rules[0], scratch.geometry, world.grid
+    out, clearance = scratch.postures[0], rule.thresholds.clearance
+    count = _evaluate_candidates(world, base, scratch)
+    any_ = PostureSearch(robot, geometry, rule, count, -np.inf, grid, NO)
+    loose = PostureSearch(robot, geometry, rule, count, 0.0, grid, NO)
+    apart = PostureSearch(robot, geometry, rule, count, clearance, grid, NO)
+    free = PostureSearch(robot, geometry, rule, count, clearance, grid, YES)
+    check, is_given = rule.check_contacts, rule.poses.is_given
+    search = free if check and is_given else loose
+    choice = _apply(search, rule.node_margin if rule.nodes_only else 0.0, out, scratch)
+    if check and not is_given:
+        search = apart
+        if out.is_node and choice.gap < clearance:
+            _apply(apart, rule.node_margin, out, scratch)
+    other = scratch.postures[1]
+    if not out.is_node:
+        if not (check and is_given) and _apply(any_, rule.node_margin, other, scratch).pose >= 0:
+            out.cause = SELF
+        return 0
+    _set_branches(search, out, scratch)
+    touched = CLEAR
+    for i in range(robot.limb_count):
+        touched = max(touched, world.causes[stance[i]])
+    if not check or not _may_hold(robot.limb_count, out) or (is_given and touched == CLEAR):
+        return 0
+    if touched == CLEAR:
+        touched = remove_touching(apart, out, scratch)
+        if touched == CLEAR:
+            return 0
+        _apply(free, rule.node_margin, other, scratch)
+        if other.is_node:
+            _set_branches(free, other, scratch)
+            if _may_hold(robot.limb_count, other):
+                return 1
+    for i in range(robot.limb_count):
+        out.branch_sets[i] = EMPTY
+    out.cause = CLEAR if is_given else touched
+    return 0
 
 
-@kernel
-def _evaluate_candidates(
-    geometry: StanceGeometry, robot: RobotModel, rule: PostureRule, scratch: PostureScratch
-) -> int:
+@part
+def _evaluate_candidates(world: PostureWorld, base: Pose, scratch: PostureScratch) -> int:
     """Set up the candidate base poses of a stance and return their number."""
+    rule, geometry, count = world.rules[0], scratch.geometry, 1
     floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
-    count = pose_count(geometry, rule)
+    if not rule.poses.is_given:
+        count = pose_count(geometry, rule.poses)
     for c in range(count):
         candidate = scratch.candidates[c]
-        set_pose(geometry, rule, c, candidate.base)
-        candidate.margin_bound = (
-            evaluate_reach(robot, geometry, floor, candidate, scratch) / rule.scale_m
-        )
+        if rule.poses.is_given:
+            place(geometry, base, candidate.base)  # the frame of the stance is the world
+        else:
+            set_pose(geometry, rule.poses, c, candidate.base)
+        reach = evaluate_reach(world.robots[0], geometry, floor, candidate, scratch.terms)
+        candidate.margin_bound = reach / rule.scale_m
     return count
 
 
 @kernel
-def pose_count(geometry: StanceGeometry, rule: PostureRule) -> int:
-    """Return the number of candidate base poses of a stance."""
-    if geometry.opposed:
-        return rule.opposed_roll_count * rule.opposed_height_count
-    return rule.roll_count * rule.height_count
-
-
-@kernel
-def set_pose(geometry: StanceGeometry, rule: PostureRule, c: int, base: Pose) -> None:
-    """Set `base` to candidate base pose `c` of a stance, relative to the centroid of its grasps."""
-    rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
-    if geometry.opposed:
-        rolls, heights, height_count = (
-            rule.opposed_rolls,
-            rule.opposed_heights,
-            rule.opposed_height_count,
-        )
-    line = vector(geometry.line)
-    x, y, z = columns(geometry.frame)
-    roll, height = rolls[c // height_count], heights[c % height_count]
-    cosine, sine = np.cos(roll), np.sin(roll)
-    axes = turn(line, cosine, sine, x), turn(line, cosine, sine, y), turn(line, cosine, sine, z)
-    up = turn(line, cosine, sine, vector(geometry.out))
-    for k in range(3):
-        base.position[k] = height * up[k]
-        for col in range(3):
-            base.rotation[k, col] = axes[col][k]
-
-
-@kernel
-def _store(
-    robot: RobotModel,
-    rule: PostureRule,
-    scratch: PostureScratch,
-    chosen: int,
-    w_b: float,
-    out: Posture,
-) -> bool:
-    """Store candidate `chosen` (-1: none) as the posture; return whether it meets thresholds."""
-    node = chosen >= 0 and w_b >= rule.thresholds.w_b
-    out.w_b, out.pose_number = w_b, chosen
+def _apply(search: PostureSearch, floor: float, out: Posture, scratch: PostureScratch) -> Choice:
+    """Apply the rule, and store the posture that it chooses without its branch sets."""
+    robot, limits = search.robot, search.rule.thresholds
+    choice = choose(search, floor, scratch, out.branch)
+    is_node = choice.pose >= 0 and choice.w_b >= limits.w_b
     for i in range(robot.limb_count):
-        out.w_m[i] = 0.0
-        if chosen >= 0:
-            out.w_m[i] = scratch.candidates[chosen].limbs[i].w[class_of(out.branch[i])]
-        node = node and out.w_m[i] >= rule.thresholds.w_m
-    if chosen >= 0:
-        base = scratch.candidates[chosen].base
-        for k in range(3):
-            out.base.position[k] = base.position[k]
-            for col in range(3):
-                out.base.rotation[k, col] = base.rotation[k, col]
-    return node
+        out.w_m[i], out.branch_sets[i] = 0.0, EMPTY
+        if choice.pose < 0:
+            out.branch[i] = EMPTY
+        else:
+            out.w_m[i] = scratch.candidates[choice.pose].limbs[i].w[class_of(out.branch[i])]
+        is_node = is_node and out.w_m[i] >= limits.w_m
+    out.w_b, out.pose_number, out.cause, out.is_node = choice.w_b, choice.pose, CLEAR, is_node
+    return choice
+
+
+@kernel
+def _set_branches(search: PostureSearch, out: Posture, scratch: PostureScratch) -> None:
+    """Set the branch sets of a node."""
+    prepare_candidate(search, out.pose_number, np.inf, scratch)
+    for i in range(search.robot.limb_count):
+        out.branch_sets[i] = ALL
+    if search.rule.check_branches:
+        set_branch_sets(search, out, scratch)
+
+
+@kernel
+def _may_hold(limbs: int, out: Posture) -> bool:
+    """Return whether every limb has a branch on which it may hold."""
+    for i in range(limbs):
+        if out.branch_sets[i] == EMPTY:
+            return False
+    return True
 
 
 @part
-def _keeps_clearance(
-    search: PostureSearch, chosen: int, out: Posture, scratch: PostureScratch
-) -> bool:
-    """Return whether a posture touches nothing, without comparing the base with boxes."""
-    prepare_candidate(search, chosen, np.inf, NO, scratch)
-    for i in range(search.robot.limb_count):
-        scratch.combination[i] = out.branch[i]
-    return touches_nothing(search, chosen, scratch)
+def _write(world: PostureWorld, found: Posture, out: Posture, scratch: PostureScratch) -> None:
+    """Write a posture in the order of the limbs, with its base in the world."""
+    geometry, limbs, rule = scratch.geometry, world.robots[0].limb_count, world.rules[0].poses
+    for i in range(limbs):
+        limb = (geometry.first + i) % limbs
+        out.w_m[limb], out.branch[limb] = found.w_m[i], found.branch[i]
+        out.branch_sets[limb] = found.branch_sets[i]
+    out.w_b, out.cause = found.w_b, found.cause
+    out.pose_number = -1 if rule.is_given else found.pose_number
+    if found.pose_number >= 0 or rule.is_given:
+        place(geometry, scratch.candidates[max(found.pose_number, 0)].base, out.base)
+        turn_to_first(geometry, rule, out.base)

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS
+from mlivr_gym.postures.base_poses import OPPOSED_HEIGHTS
 from mlivr_gym.postures.postures import Postures, PostureTable
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
