@@ -18,11 +18,13 @@ number, roll by roll and in each by its height, which is all that a table needs 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
@@ -41,6 +43,9 @@ RESOLUTION = 1e-7
 TIE = 1e-9
 """Relative difference up to which margins, and fits of the mounts, count as equal."""
 
+MIX = cast(int, np.int64(0x2545F4914F6CDD1D))
+"""Odd factor that spreads the bits of a number over 64 bits."""
+
 OPPOSED = 0.2
 """A mean surface normal shorter than this marks a stance between opposite walls."""
 
@@ -51,16 +56,18 @@ OPPOSED_ROLLS = geometric_order(2.0 * np.pi * np.arange(12) / 12)
 """Candidate rolls between opposite walls [rad], over a full turn."""
 
 
+def candidates_of(robot: RobotSpec) -> tuple[tuple[Sequence[float], Sequence[float]], ...]:
+    """Return a robot's candidate heights [m] and rolls [rad], and those between opposite walls."""
+    return (robot.heights, robot.rolls), (OPPOSED_HEIGHTS, OPPOSED_ROLLS)
+
+
 def pose_rules(robot: RobotSpec) -> Any:
     """Return the candidates of a robot as a record of `PoseRule`, shape (1,)."""
     out, limbs = PoseRule.rows(1), robot.limbs
-    for name, values in (
-        ("height", robot.heights),
-        ("roll", robot.rolls),
-        ("opposed_height", OPPOSED_HEIGHTS),
-        ("opposed_roll", OPPOSED_ROLLS),
-    ):
-        out[f"{name}_count"], out[f"{name}s"][0, : len(values)] = len(values), values
+    for kind, (heights, rolls) in enumerate(candidates_of(robot)):
+        out["height_count"][0, kind], out["roll_count"][0, kind] = len(heights), len(rolls)
+        out["heights"][0, kind, : len(heights)] = heights
+        out["rolls"][0, kind, : len(rolls)] = rolls
     turns = turns_to_mounts(limbs)
     out["mounts"][0, :limbs] = turns[:, :2, 0] if robot.is_symmetric else robot.mount_directions
     out["finds_first"] = limbs > 2 and robot.is_symmetric
@@ -101,6 +108,26 @@ def set_bases(
                 bases[k].position[axis] = np.nan
                 for column in range(3):
                     bases[k].rotation[axis, column] = np.nan
+
+
+@entry
+def set_codes(stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray) -> None:
+    """Write a number for each stance that is the same for the same relative geometry, shape (k,).
+
+    It mixes the rounded coordinates into 64 bits, in which two of a million geometries agree by
+    chance once in ten million maps.
+    """
+    rule, geometry = rules[0], scratch[0]
+    for k in range(len(stances)):
+        set_stance(points, rule, stances[k], geometry)
+        code = EMPTY
+        for limb in range(1, stances.shape[1]):
+            grasp = geometry.grasps[limb]
+            for axis in range(3):
+                for value in (grasp.point[axis], grasp.rail[axis], grasp.normal[axis]):
+                    code = (code ^ int(np.rint(value / RESOLUTION))) * MIX
+                    code ^= code >> 29
+        out[k] = code
 
 
 @kernel
@@ -218,7 +245,7 @@ def _set_axes(rule: PoseRule, limbs: int, geometry: StanceGeometry) -> None:
     e2 = cross(outward, e1)
     for k in range(3):
         geometry.centroid[k], geometry.out[k], geometry.line[k] = centroid[k], outward[k], line[k]
-    geometry.opposed = opposed
+    geometry.opposed = 1 if opposed else 0
     cosine, sine, is_mirrored = _fit_yaw(rule, limbs, geometry, e1, e2)
     forward = (
         cosine * e1[0] + sine * e2[0],
@@ -258,24 +285,15 @@ def _fit_yaw(
 @kernel
 def pose_count(geometry: StanceGeometry, rule: PoseRule) -> int:
     """Return the number of candidate base poses of a stance."""
-    if geometry.opposed:
-        return rule.opposed_roll_count * rule.opposed_height_count
-    return rule.roll_count * rule.height_count
+    return int(rule.roll_count[geometry.opposed] * rule.height_count[geometry.opposed])
 
 
 @kernel
 def set_pose(geometry: StanceGeometry, rule: PoseRule, number: int, base: Pose) -> None:
     """Set `base` to a candidate base pose of a stance, in the frame of its first grasp."""
-    rolls, heights, height_count = rule.rolls, rule.heights, rule.height_count
-    if geometry.opposed:
-        rolls, heights, height_count = (
-            rule.opposed_rolls,
-            rule.opposed_heights,
-            rule.opposed_height_count,
-        )
-    line = vector(geometry.line)
-    x, y, z = columns(geometry.frame)
-    roll, height = rolls[number // height_count], heights[number % height_count]
+    kind, line, (x, y, z) = geometry.opposed, vector(geometry.line), columns(geometry.frame)
+    roll = rule.rolls[kind, number // rule.height_count[kind]]
+    height = rule.heights[kind, number % rule.height_count[kind]]
     c, s = np.cos(roll), np.sin(roll)
     up = turn(line, c, s, vector(geometry.out))
     set_columns(base.rotation, turn(line, c, s, x), turn(line, c, s, y), turn(line, c, s, z))

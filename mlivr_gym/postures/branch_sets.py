@@ -19,7 +19,7 @@ from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.holding import held_branches
 from mlivr_gym.kinematics.manipulability import limb_information
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.postures.gaps import cause_at_boxes, limb_gap, pair_gap
+from mlivr_gym.postures.gaps import cause_at_boxes, limb_gap, pair_gap, place_limb
 from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch
 from mlivr_gym.postures.rule import (
     first_combination,
@@ -125,7 +125,7 @@ def remove_touching(search: PostureSearch, out: Posture, scratch: PostureScratch
                 if check_branches:
                     out.branch_sets[i] = EMPTY
             elif is_chosen or (check_branches and has_branch(out.branch_sets[i], b)):
-                limb_gap(search, candidate, i, b, scratch)  # places the limb
+                place_limb(search, candidate, i, b, scratch)
                 result = cause_at_boxes(search, i, b, scratch)
                 if result != CLEAR and check_branches:
                     out.branch_sets[i] = without_branch(out.branch_sets[i], b)

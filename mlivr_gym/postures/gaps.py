@@ -19,7 +19,7 @@ from mlivr_gym.collisions.distances import (
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, place_in_world
-from mlivr_gym.compiled.bit_sets import BRANCHES, below
+from mlivr_gym.compiled.bit_sets import below
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.families import branch_frames
@@ -35,13 +35,19 @@ TOUCHES = -1.0
 
 
 @kernel
-def forget_gaps(count: int, scratch: PostureScratch) -> None:
-    """Mark the distances of the limbs as unknown."""
-    for i in range(count):
-        for b in range(BRANCHES):
-            for j in range(count):
-                for c in range(BRANCHES):
-                    scratch.gaps[i, b, j, c] = np.inf
+def place_limb(
+    search: PostureSearch, candidate: CandidatePose, i: int, b: int, scratch: PostureScratch
+) -> bool:
+    """Place limb `i` on branch `b` in the body frame; return whether it has that branch.
+
+    `candidate` has the flange poses of the limbs at the base pose.
+    """
+    limb, reach, shapes = search.robot.limbs[i], candidate.limbs[i], scratch.in_body[i, b]
+    flange, frames = FlangeAxis(vector(reach.p), vector(reach.z)), scratch.placed.frames
+    if not branch_frames(limb.arm, flange, b, scratch.inversion.axes, frames):
+        return False
+    place(limb, frames, shapes)
+    return True
 
 
 @kernel
@@ -50,21 +56,14 @@ def limb_gap(
 ) -> float:
     """Return the distance of limb `i` on branch `b` from itself and the body [m].
 
-    `candidate` has the flange poses of the limbs at the base pose. Below the clearance to keep the
-    distance may be any that is too small.
+    It is `TOUCHES` if it touches a box. Below the clearance to keep it may be any that is too small.
     """
     if scratch.gaps[i, b, i, b] == np.inf:
-        limb, reach, shapes = search.robot.limbs[i], candidate.limbs[i], scratch.in_body[i, b]
-        flange, gap = FlangeAxis(vector(reach.p), vector(reach.z)), TOUCHES
-        axes, frames = scratch.inversion.axes, scratch.placed.frames
-        if branch_frames(limb.arm, flange, b, axes, frames):
-            place(limb, frames, shapes)
-            gap = _gap_to_itself(search.robot, limb, shapes, search.clearance)
-            if (
-                search.has_boxes
-                and gap >= search.clearance
-                and cause_at_boxes(search, i, b, scratch) != CLEAR
-            ):
+        gap, least = TOUCHES, search.clearance
+        if place_limb(search, candidate, i, b, scratch):
+            gap = _gap_to_itself(search.robot, search.robot.limbs[i], scratch.in_body[i, b], least)
+            # The boxes last: they take longest.
+            if search.has_boxes and gap >= least and cause_at_boxes(search, i, b, scratch) != CLEAR:
                 gap = TOUCHES
         scratch.gaps[i, b, i, b] = gap
     return float(scratch.gaps[i, b, i, b])
@@ -74,7 +73,7 @@ def limb_gap(
 def cause_at_boxes(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> int:
     """Return the cause of a collision of limb `i` on branch `b` with a box at `scratch.base`.
 
-    The limb must have been placed by `limb_gap`. What is on its flange axis does not depend on the
+    The limb must have been placed by `place_limb`. What is on its flange axis does not depend on the
     posture, see `collisions.queries.check_points`. The gripper may touch what lies behind the
     surface at its grasp.
     """

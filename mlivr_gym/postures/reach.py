@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import permutations
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,15 +19,6 @@ from mlivr_gym.kinematics.poses import length, minus, vector
 from mlivr_gym.postures.base_poses import place, pose_count, set_pose, set_stance
 from mlivr_gym.postures.records import CandidatePose, PostureWorld, StanceGeometry
 from mlivr_gym.robot.specification import RobotSpec
-
-
-class Region(NamedTuple):
-    """Where the base has to be."""
-
-    centre: Array
-    """Requested position [m], shape (3,)."""
-    radius: float
-    """Largest distance from it [m]; infinite for any position."""
 
 
 @kernel
@@ -109,14 +100,14 @@ def sets_in_reach(
     stances: IntArray,
     orders: IntArray,
     world: PostureWorld,
-    region: Region,
+    region: Array,
     out: BoolArray,
     scratch_rows: Any,
 ) -> None:
     """Write whether sets of points may be held in some order from some candidate base pose.
 
-    That is, every limb reaches its point there with the threshold of `w_m`, and the base is in the
-    region. Every node holds such a set, whatever its surroundings. `stances` are the sets, shape
+    That is, every limb reaches its point there with the threshold of `w_m`, and the base is in a
+    `region`, the ball of a position and a radius, shape (4,) [m]. Every node holds such a set, whatever its surroundings. `stances` are the sets, shape
     (k, N), each in the first of `orders`; `out`, shape (k,), is filled from `start` to `stop`.
     """
     robot, rule, scratch = world.robots[0], world.rules[0], scratch_rows[0]
@@ -131,9 +122,9 @@ def sets_in_reach(
             for number in range(pose_count(geometry, rule.poses)):
                 set_pose(geometry, rule.poses, number, candidate.base)
                 place(geometry, candidate.base, scratch.base)
-                away = length(minus(vector(scratch.base.position), vector(region.centre)))
+                away = length(minus(vector(scratch.base.position), vector(region)))
                 if (
-                    away <= region.radius
+                    away <= region[3]
                     and evaluate_reach(robot, geometry, floor, candidate, scratch.terms) > 0.0
                 ):
                     out[s] = True

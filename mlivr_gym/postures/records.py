@@ -43,21 +43,13 @@ class PoseRule(Record):
 
     is_given: bool
     """Whether a base pose in the world is given, which is the only candidate."""
-    height_count: int
-    """Number of candidate heights."""
-    heights: Annotated[Array, (MOST_POSES,)]
-    """Candidate heights [m]."""
-    roll_count: int
-    """Number of candidate rolls."""
-    rolls: Annotated[Array, (MOST_POSES,)]
-    """Candidate rolls [rad]."""
-    opposed_height_count: int
-    """Number of candidate heights between opposite walls."""
-    opposed_heights: Annotated[Array, (MOST_POSES,)]
+    height_count: Annotated[IntArray, (2,), np.int64]
+    """Number of candidate heights, and of those between opposite walls."""
+    heights: Annotated[Array, (2, MOST_POSES)]
     """These heights [m]."""
-    opposed_roll_count: int
-    """Number of candidate rolls between opposite walls."""
-    opposed_rolls: Annotated[Array, (MOST_POSES,)]
+    roll_count: Annotated[IntArray, (2,), np.int64]
+    """Number of candidate rolls, and of those between opposite walls."""
+    rolls: Annotated[Array, (2, MOST_POSES)]
     """These rolls [rad]."""
     mounts: Annotated[Array, (MOST_LIMBS, 2)]
     """Directions of the mounts across the body's z axis."""
@@ -134,8 +126,8 @@ class StanceGeometry(Record):
     """Outward direction."""
     line: Vector
     """Roll axis."""
-    opposed: bool
-    """Whether the held walls are opposite."""
+    opposed: int
+    """1 if the held walls are opposite, else 0."""
     keys: Annotated[Array, (5, MOST_LIMBS)]
     """What chooses the first limb, see `base_poses.first_limb`."""
 
@@ -184,10 +176,10 @@ class PostureSearch(NamedTuple):
 
 
 class Posture(Record):
-    """The posture of a stance."""
+    """The posture of a stance, while it is computed limb by limb from its first limb on."""
 
     base: Pose
-    """Base pose."""
+    """Base pose in the world."""
     pose_number: int
     """Index of the base pose among the candidates; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
@@ -211,8 +203,8 @@ class PostureScratch(Record):
     """The grasps of the stance."""
     candidates: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
     """Candidate base poses."""
-    postures: Annotated[Rows[Posture], (2,)]
-    """The posture without boxes and that among them, from the first limb on, in its frame."""
+    other: Posture
+    """Another posture of the stance."""
     terms: Annotated[Array, (4, 4)]
     """Terms of the inverse kinematics of each class of branches."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]

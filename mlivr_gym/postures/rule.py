@@ -15,7 +15,7 @@ the largest margin so far.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import numpy as np
 
 from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
@@ -25,22 +25,11 @@ from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.base_poses import TIE, place
-from mlivr_gym.postures.gaps import forget_gaps, self_clearance, touching_limb
-from mlivr_gym.postures.records import CandidatePose, Limbs, PostureScratch, PostureSearch
+from mlivr_gym.postures.gaps import self_clearance, touching_limb
+from mlivr_gym.postures.records import CandidatePose, Posture, PostureScratch, PostureSearch
 
 CLEARANCE_TIE = 1e-9
 """Difference up to which clearances of the robot from itself count as equal [m]."""
-
-
-class Choice(NamedTuple):
-    """Result of the rule."""
-
-    pose: int
-    """Index of the base pose, or -1 if none is chosen."""
-    w_b: float
-    """Its base manipulability."""
-    gap: float
-    """Its clearance from itself [m]."""
 
 
 @kernel
@@ -53,7 +42,11 @@ def prepare_candidate(
     their `K^-1` is computed. Returned is the cause of a collision of the base with a box, else 0.
     """
     robot, candidate, l_c = search.robot, scratch.candidates[c], search.robot.characteristic_length
-    forget_gaps(robot.limb_count, scratch)
+    for i in range(robot.limb_count):
+        for b in range(BRANCHES):
+            for j in range(robot.limb_count):
+                for other in range(BRANCHES):
+                    scratch.gaps[i, b, j, other] = np.inf
     place(search.geometry, candidate.base, scratch.base)
     if search.has_boxes:
         still, clearance = (0.0, 0.0), search.clearance
@@ -137,16 +130,16 @@ def w_b_of_combination(scratch: PostureScratch) -> float:
     return inverse_root_determinant(scratch.work)
 
 
-@part
-def choose(
-    search: PostureSearch, floor: float, scratch: PostureScratch, branch: Limbs
-) -> Choice:
+@kernel
+def choose(search: PostureSearch, floor: float, out: Posture, scratch: PostureScratch) -> float:
     """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
-    `branch` is set to the chosen branches.
+    It is stored without base and branch sets. Returned is its clearance from itself [m].
     """
-    limbs, rule = search.robot.limb_count, search.rule
-    chosen, rank, w_b, gap, best = NONE, EMPTY, 0.0, 0.0, floor
+    limbs, scales, rank, gap, best = search.robot.limb_count, search.rule, EMPTY, 0.0, floor
+    out.pose_number, out.w_b, out.cause, out.is_node = NONE, 0.0, CLEAR, False
+    for i in range(limbs):
+        out.w_m[i], out.branch[i], out.branch_sets[i] = 0.0, EMPTY, EMPTY
     for c in range(search.candidate_count):
         scratch.candidates[c].open_bound = scratch.candidates[c].margin_bound
     while True:
@@ -156,18 +149,16 @@ def choose(
                 c = other
         candidate, least = scratch.candidates[c], best * (1.0 - TIE)
         if candidate.open_bound <= floor or candidate.open_bound < least:
-            return Choice(chosen, w_b, gap)
+            return gap
         candidate.open_bound = 0.0
         if prepare_candidate(search, c, least, scratch) != CLEAR:
             continue
         i = first_combination(limbs, scratch)
         while next_combination(search, candidate, least, i, scratch):
-            i = 0
-            found = w_b_of_combination(scratch)
-            margin = found / rule.scale_b
+            i, w_m, w_b = EMPTY, np.inf, w_b_of_combination(scratch)
             for k in range(limbs):
-                w = candidate.limbs[k].w[class_of(scratch.combination[k])]
-                margin = min(margin, w / rule.scale_m)
+                w_m = min(w_m, candidate.limbs[k].w[class_of(scratch.combination[k])])
+            margin = min(w_m / scales.scale_m, w_b / scales.scale_b)
             if margin <= floor or margin < least:
                 continue
             touching = touching_limb(search, candidate, scratch)
@@ -177,15 +168,21 @@ def choose(
             to_itself, order = self_clearance(limbs, scratch), c
             for k in range(limbs - 1, -1, -1):
                 order = order * BRANCHES + scratch.combination[k]
-            is_first = order < rank if to_itself > gap - CLEARANCE_TIE else False
-            if (
-                chosen < 0
-                or margin * (1.0 - TIE) > best
-                or to_itself > gap + CLEARANCE_TIE
-                or is_first
-            ):
-                chosen, rank, w_b, gap = c, order, found, to_itself
-                for k in range(limbs):
-                    branch[k] = scratch.combination[k]
+            is_closer, is_apart = to_itself < gap - CLEARANCE_TIE, to_itself > gap + CLEARANCE_TIE
+            if margin * (1.0 - TIE) > best or is_apart or (order < rank and not is_closer):
+                rank, gap = order, to_itself
+                _store(search, c, w_m, w_b, out, scratch)
             best = max(best, margin)
             least = best * (1.0 - TIE)
+
+
+@part
+def _store(
+    search: PostureSearch, c: int, w_m: float, w_b: float, out: Posture, scratch: PostureScratch
+) -> None:
+    """Store a combination at candidate `c`, whose limbs have at least `w_m`, as the posture."""
+    limits = search.rule.thresholds
+    out.pose_number, out.w_b, out.is_node = c, w_b, w_b >= limits.w_b and w_m >= limits.w_m
+    for i in range(search.robot.limb_count):
+        out.branch[i] = scratch.combination[i]
+        out.w_m[i] = scratch.candidates[c].limbs[i].w[class_of(out.branch[i])]

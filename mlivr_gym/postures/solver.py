@@ -21,23 +21,24 @@ from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.poses import Pose, poses
 from mlivr_gym.postures.base_poses import (
-    OPPOSED_HEIGHTS,
-    OPPOSED_ROLLS,
     TIE,
     bases_at,
+    candidates_of,
     pose_rules,
+    set_codes,
 )
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.reach import Region, orders_of, sets_in_reach
+from mlivr_gym.postures.reach import orders_of, sets_in_reach
 from mlivr_gym.postures.records import (
     MapPoints,
     Posture,
     PostureRule,
     PostureScratch,
     PostureWorld,
+    StanceGeometry,
     Thresholds,
 )
-from mlivr_gym.postures.selection import solve_postures
+from mlivr_gym.postures.selection import solve_alone, solve_among_boxes
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -134,8 +135,8 @@ class PostureSolver:
         These are positions [m], shape (k, 3), and rotations, shape (k, 3, 3), in the order of their
         numbers.
         """
-        counts = len(self.robot.heights) * len(self.robot.rolls), len(OPPOSED_HEIGHTS) * len(OPPOSED_ROLLS)
-        numbers = np.arange(max(counts))
+        most = max(len(heights) * len(rolls) for heights, rolls in candidates_of(self.robot))
+        numbers = np.arange(most)
         stances = np.tile(np.array(stance, dtype=np.int64), (len(numbers), 1))
         positions, rotations = bases_at(self.grasp_map, self.robot, stances, numbers)
         there = ~np.isnan(positions[:, 0])
@@ -149,7 +150,7 @@ class PostureSolver:
         A base position `target` (3,) [m] may be requested, from which the base is at most
         `tolerance` away [m].
         """
-        region = Region(np.zeros(3) if target is None else np.array(target), float(tolerance))
+        region = np.append(np.zeros(3) if target is None else target, tolerance)
         rules = self._rules(self.settings.thresholds(self.robot.limbs), False)
         out, world = np.zeros(len(sets), dtype=np.bool_), self._world(rules)
         asked = np.ascontiguousarray(sets), orders_of(self.robot), world, region, out
@@ -177,10 +178,21 @@ class PostureSolver:
 
     def _solve(self, stances: IntArray, bases: Any, rules: Any) -> Postures:
         """Compute the postures of stances by a rule, at bases if the rule has them given."""
-        limbs, out = self.robot.limbs, Posture.rows(len(stances))
-        least = LEAST_IN_THREADS if limbs == 2 else MANY_LIMBS_IN_THREADS
-        asked = np.ascontiguousarray(stances), bases, self._world(rules), out
-        in_parallel(
-            len(stances), solve_postures, *asked, scratch_rows=PostureScratch.rows, least=least
-        )
+        stances, world, limbs = np.ascontiguousarray(stances), self._world(rules), self.robot.limbs
+        first: IntArray = np.arange(len(stances))
+        same = first
+        if not rules["poses"]["is_given"]:
+            codes = np.empty(len(stances), dtype=np.int64)
+            set_codes(stances, world.points, rules["poses"], StanceGeometry.rows(1), codes)
+            _, first, same = np.unique(codes, return_index=True, return_inverse=True)
+        alone = Posture.rows(len(first))
+        self._run(solve_alone, stances[first], bases, world, alone)
+        out = alone[same]
+        self._run(solve_among_boxes, stances, bases, world, out)
         return Postures.of_rows(out, limbs)
+
+    def _run(self, kernel: Any, stances: IntArray, *args: object) -> None:
+        """Call an entry for some stances, in threads if they are many."""
+        least = LEAST_IN_THREADS if self.robot.limbs == 2 else MANY_LIMBS_IN_THREADS
+        rows = PostureScratch.rows
+        in_parallel(len(stances), kernel, stances, *args, scratch_rows=rows, least=least)
