@@ -28,7 +28,7 @@ from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
-from mlivr_gym.postures.records import MapPoints, PoseRule, StanceGeometry
+from mlivr_gym.postures.records import MapPoints, PostureRule, StanceGeometry
 from mlivr_gym.postures.relabelling import turns_to_mounts
 from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.robot.specification import RobotSpec
@@ -62,8 +62,8 @@ def candidates_of(robot: RobotSpec) -> tuple[tuple[Sequence[float], Sequence[flo
 
 
 def pose_rules(robot: RobotSpec) -> Any:
-    """Return the candidates of a robot as a record of `PoseRule`, shape (1,)."""
-    out, limbs = PoseRule.rows(1), robot.limbs
+    """Return a record of `PostureRule`, shape (1,), with the candidates of a robot."""
+    out, limbs = PostureRule.rows(1), robot.limbs
     for kind, (heights, rolls) in enumerate(candidates_of(robot)):
         out["height_count"][0, kind], out["roll_count"][0, kind] = len(heights), len(rolls)
         out["heights"][0, kind, : len(heights)] = heights
@@ -111,7 +111,9 @@ def set_bases(
 
 
 @entry
-def set_codes(stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray) -> None:
+def set_codes(
+    stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray
+) -> None:
     """Write a number for each stance that is the same for the same relative geometry, shape (k,).
 
     It mixes the rounded coordinates into 64 bits, in which two of a million geometries agree by
@@ -132,7 +134,7 @@ def set_codes(stances: IntArray, points: MapPoints, rules: Any, scratch: Any, ou
 
 @kernel
 def set_stance(
-    points: MapPoints, rule: PoseRule, stance: IntArray, geometry: StanceGeometry
+    points: MapPoints, rule: PostureRule, stance: IntArray, geometry: StanceGeometry
 ) -> None:
     """Set the grasps of a stance, as they are seen from that of its first limb, and its axes."""
     limbs, first = len(stance), 0
@@ -212,7 +214,7 @@ def _set_grasp(
 
 
 @kernel
-def _set_axes(rule: PoseRule, limbs: int, geometry: StanceGeometry) -> None:
+def _set_axes(rule: PostureRule, limbs: int, geometry: StanceGeometry) -> None:
     """Set centroid, body axes at roll zero, outward direction and roll axis of a stance."""
     grasps = geometry.grasps
     x, y, z = vector(grasps[0].point)
@@ -258,7 +260,7 @@ def _set_axes(rule: PoseRule, limbs: int, geometry: StanceGeometry) -> None:
 
 @part
 def _fit_yaw(
-    rule: PoseRule, limbs: int, geometry: StanceGeometry, e1: Triple, e2: Triple
+    rule: PostureRule, limbs: int, geometry: StanceGeometry, e1: Triple, e2: Triple
 ) -> tuple[float, float, bool]:
     """Fit the mounts' azimuths to the grasps by Procrustes, in axes across the body's z axis.
 
@@ -283,13 +285,13 @@ def _fit_yaw(
 
 
 @kernel
-def pose_count(geometry: StanceGeometry, rule: PoseRule) -> int:
+def pose_count(geometry: StanceGeometry, rule: PostureRule) -> int:
     """Return the number of candidate base poses of a stance."""
     return int(rule.roll_count[geometry.opposed] * rule.height_count[geometry.opposed])
 
 
 @kernel
-def set_pose(geometry: StanceGeometry, rule: PoseRule, number: int, base: Pose) -> None:
+def set_pose(geometry: StanceGeometry, rule: PostureRule, number: int, base: Pose) -> None:
     """Set `base` to a candidate base pose of a stance, in the frame of its first grasp."""
     kind, line, (x, y, z) = geometry.opposed, vector(geometry.line), columns(geometry.frame)
     roll = rule.rolls[kind, number // rule.height_count[kind]]
@@ -312,7 +314,7 @@ def place(geometry: StanceGeometry, base: Pose, out: Pose) -> None:
 
 
 @kernel
-def turn_to_first(geometry: StanceGeometry, rule: PoseRule, base: Pose) -> None:
+def turn_to_first(geometry: StanceGeometry, rule: PostureRule, base: Pose) -> None:
     """Turn the base about its z axis so that the first limb comes where limb 0 was."""
     x, y, z = columns(rule.turns[geometry.first])
     frame = base.rotation

@@ -17,15 +17,11 @@ from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.holding import held_branches
-from mlivr_gym.kinematics.manipulability import limb_information
+from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.gaps import cause_at_boxes, limb_gap, pair_gap, place_limb
 from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch
-from mlivr_gym.postures.rule import (
-    first_combination,
-    next_combination,
-    w_b_of_combination,
-)
+from mlivr_gym.postures.rule import next_combination
 
 
 @kernel
@@ -42,8 +38,7 @@ def set_branch_sets(search: PostureSearch, out: Posture, scratch: PostureScratch
     not belong to it, all are empty.
     """
     robot, limits, l_c = search.robot, search.rule.thresholds, search.robot.characteristic_length
-    candidate = scratch.candidates[out.pose_number]
-    is_allowed = True
+    candidate, is_allowed = scratch.candidate, True
     for i in range(robot.limb_count):
         limb, reach, grasp = robot.limbs[i], candidate.limbs[i], search.geometry.grasps[i]
         flange, branch_set = FlangeAxis(vector(reach.p), vector(reach.z)), EMPTY
@@ -58,7 +53,7 @@ def set_branch_sets(search: PostureSearch, out: Posture, scratch: PostureScratch
         )
         for b in range(BRANCHES):
             if has_branch(branch_set, b):
-                if limb_gap(search, candidate, i, b, scratch) < search.clearance:
+                if limb_gap(search, i, b, scratch) < search.clearance:
                     branch_set = without_branch(branch_set, b)
                 else:
                     information = scratch.information[i, b]
@@ -73,7 +68,7 @@ def set_branch_sets(search: PostureSearch, out: Posture, scratch: PostureScratch
                 is_allowed
                 and b != out.branch[i]
                 and has_branch(out.branch_sets[i], b)
-                and _fits_all(search, out.pose_number, i, b, scratch)
+                and _fits_all(search, i, b, scratch)
             ):
                 kept |= both_flips(b)
                 scratch.options[i, scratch.option_count[i]] = b
@@ -82,11 +77,9 @@ def set_branch_sets(search: PostureSearch, out: Posture, scratch: PostureScratch
 
 
 @part
-def _fits_all(
-    search: PostureSearch, c: int, i: int, b: int, scratch: PostureScratch
-) -> bool:
+def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
     """Return whether branch `b` of limb `i` fits all combinations of the others' options."""
-    limbs, candidate, count = search.robot.limb_count, scratch.candidates[c], scratch.option_count
+    limbs, count = search.robot.limb_count, scratch.option_count
     for j in range(limbs):
         for k in range(count[j]):
             if j != i:
@@ -96,10 +89,10 @@ def _fits_all(
     # Limb `i` has this branch alone for a moment.
     first, kept = scratch.options[i, 0], count[i]
     scratch.options[i, 0], count[i] = b, 1
-    fits, limb = True, first_combination(limbs, scratch)
-    while fits and next_combination(search, candidate, 0.0, limb, scratch):
-        limb = 0
-        fits = w_b_of_combination(scratch) >= search.rule.thresholds.w_b
+    fits, limb = True, limbs
+    while fits and next_combination(search, 0.0, limb, scratch):
+        limb = EMPTY
+        fits = inverse_root_determinant(scratch.sums[0]) >= search.rule.thresholds.w_b
     scratch.options[i, 0], count[i] = first, kept
     return fits
 
@@ -111,8 +104,8 @@ def remove_touching(search: PostureSearch, out: Posture, scratch: PostureScratch
     Returned is the cause of a collision of the posture itself, 0 for none. Where branches are not
     checked, only that is found.
     """
-    robot, candidate, still = search.robot, scratch.candidates[out.pose_number], (0.0, 0.0)
-    check_branches, cause = search.rule.check_branches, CLEAR
+    robot, still, cause = search.robot, (0.0, 0.0), CLEAR
+    check_branches = search.rule.check_branches
     at_base = compare_base_with_boxes(
         robot, scratch.base, still, search.grid, search.clearance, scratch.surface
     )
@@ -125,7 +118,7 @@ def remove_touching(search: PostureSearch, out: Posture, scratch: PostureScratch
                 if check_branches:
                     out.branch_sets[i] = EMPTY
             elif is_chosen or (check_branches and has_branch(out.branch_sets[i], b)):
-                place_limb(search, candidate, i, b, scratch)
+                place_limb(search, i, b, scratch)
                 result = cause_at_boxes(search, i, b, scratch)
                 if result != CLEAR and check_branches:
                     out.branch_sets[i] = without_branch(out.branch_sets[i], b)

@@ -23,9 +23,9 @@ from mlivr_gym.compiled.bit_sets import below
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.families import branch_frames
-from mlivr_gym.kinematics.poses import minus, vector
+from mlivr_gym.kinematics.poses import minus, out_of, vector
 from mlivr_gym.postures.base_poses import turned
-from mlivr_gym.postures.records import CandidatePose, PostureScratch, PostureSearch
+from mlivr_gym.postures.records import PostureScratch, PostureSearch
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -35,32 +35,26 @@ TOUCHES = -1.0
 
 
 @kernel
-def place_limb(
-    search: PostureSearch, candidate: CandidatePose, i: int, b: int, scratch: PostureScratch
-) -> bool:
-    """Place limb `i` on branch `b` in the body frame; return whether it has that branch.
-
-    `candidate` has the flange poses of the limbs at the base pose.
-    """
-    limb, reach, shapes = search.robot.limbs[i], candidate.limbs[i], scratch.in_body[i, b]
+def place_limb(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
+    """Place limb `i` on branch `b` in the body frame; return whether it has that branch."""
+    limb, reach = search.robot.limbs[i], scratch.candidate.limbs[i]
     flange, frames = FlangeAxis(vector(reach.p), vector(reach.z)), scratch.placed.frames
     if not branch_frames(limb.arm, flange, b, scratch.inversion.axes, frames):
         return False
-    place(limb, frames, shapes)
+    place(limb, frames, scratch.in_body[i, b])
     return True
 
 
 @kernel
-def limb_gap(
-    search: PostureSearch, candidate: CandidatePose, i: int, b: int, scratch: PostureScratch
-) -> float:
+def limb_gap(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> float:
     """Return the distance of limb `i` on branch `b` from itself and the body [m].
 
-    It is `TOUCHES` if it touches a box. Below the clearance to keep it may be any that is too small.
+    It is `TOUCHES` if the limb touches a box. Below the clearance to keep, it may be any distance
+    that is too small.
     """
     if scratch.gaps[i, b, i, b] == np.inf:
         gap, least = TOUCHES, search.clearance
-        if place_limb(search, candidate, i, b, scratch):
+        if place_limb(search, i, b, scratch):
             gap = _gap_to_itself(search.robot, search.robot.limbs[i], scratch.in_body[i, b], least)
             # The boxes last: they take longest.
             if search.has_boxes and gap >= least and cause_at_boxes(search, i, b, scratch) != CLEAR:
@@ -71,16 +65,13 @@ def limb_gap(
 
 @kernel
 def cause_at_boxes(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> int:
-    """Return the cause of a collision of limb `i` on branch `b` with a box at `scratch.base`.
+    """Return the cause of a collision of limb `i`, placed on branch `b`, with a box; else 0.
 
-    The limb must have been placed by `place_limb`. What is on its flange axis does not depend on the
-    posture, see `collisions.queries.check_points`. The gripper may touch what lies behind the
-    surface at its grasp.
+    What is on its flange axis does not depend on the posture, see
+    `collisions.queries.check_points`. The gripper may touch what lies behind its surface.
     """
     limb, grasp, stance = search.robot.limbs[i], search.geometry.grasps[i], search.geometry.place
-    there, normal = turned(stance.rotation, vector(grasp.point)), vector(grasp.normal)
-    position = vector(stance.position)
-    point = position[0] + there[0], position[1] + there[1], position[2] + there[2]
+    point, normal = out_of(stance, vector(grasp.point)), vector(grasp.normal)
     set_grasp_surface(scratch.surface, point, turned(stance.rotation, normal))
     place_in_world(limb, scratch.base, scratch.in_body[i, b], scratch.in_world)
     pending = below(limb.first_on_axis)
@@ -94,9 +85,9 @@ def cause_at_boxes(search: PostureSearch, i: int, b: int, scratch: PostureScratc
 def pair_gap(
     search: PostureSearch, i: int, b: int, j: int, c: int, scratch: PostureScratch
 ) -> float:
-    """Return the distance of limb `i` on branch `b` from limb `j` on branch `c`, as `limb_gap`.
+    """Return the distance of limb `i` on branch `b` from limb `j` on branch `c`, both placed [m].
 
-    Both must have been placed by it.
+    Below the clearance to keep, it may be any distance that is too small.
     """
     if scratch.gaps[i, b, j, c] == np.inf:
         limb, other = search.robot.limbs[i], search.robot.limbs[j]
@@ -107,9 +98,7 @@ def pair_gap(
 
 
 @kernel
-def touching_limb(
-    search: PostureSearch, candidate: CandidatePose, scratch: PostureScratch
-) -> int:
+def touching_limb(search: PostureSearch, scratch: PostureScratch) -> int:
     """Return a limb that touches something on `scratch.combination`, -1 if none does.
 
     It touches the surroundings, itself or a limb after it: no combination serves in which it and
@@ -117,7 +106,7 @@ def touching_limb(
     """
     for i in range(search.robot.limb_count - 1, -1, -1):
         b = scratch.combination[i]
-        if limb_gap(search, candidate, i, b, scratch) < search.clearance:
+        if limb_gap(search, i, b, scratch) < search.clearance:
             return i
         for j in range(i + 1, search.robot.limb_count):
             if pair_gap(search, i, b, j, scratch.combination[j], scratch) < search.clearance:

@@ -72,7 +72,7 @@ def base_along(
 ) -> None:
     """Compute `w_b` of K stances on given branches, shape (K, N), after `reach_all`."""
     robot, scratch = robots[0], scratch_rows[0]
-    information, total = scratch.information[0, 0], scratch.work[0]
+    information, total = scratch.information[0, 0], scratch.sums[0, 0]
     for k in range(len(candidates)):
         for i in range(robot.limb_count):
             limb, reach = robot.limbs[i], candidates[k].limbs[i]
@@ -81,7 +81,7 @@ def base_along(
             for row in range(6):
                 for col in range(6):
                     total[row, col] = information[row, col] + (total[row, col] if i else 0.0)
-        w_b[k] = inverse_root_determinant(scratch.work)
+        w_b[k] = inverse_root_determinant(scratch.sums[0])
 
 
 def orders_of(robot: RobotSpec) -> IntArray:
@@ -107,20 +107,21 @@ def sets_in_reach(
     """Write whether sets of points may be held in some order from some candidate base pose.
 
     That is, every limb reaches its point there with the threshold of `w_m`, and the base is in a
-    `region`, the ball of a position and a radius, shape (4,) [m]. Every node holds such a set, whatever its surroundings. `stances` are the sets, shape
-    (k, N), each in the first of `orders`; `out`, shape (k,), is filled from `start` to `stop`.
+    `region`, the ball of a position and a radius, shape (4,) [m]. Every node holds such a set,
+    whatever its surroundings. `stances` are the sets, shape (k, N), each in the first of `orders`;
+    `out`, shape (k,), is filled from `start` to `stop`.
     """
     robot, rule, scratch = world.robots[0], world.rules[0], scratch_rows[0]
-    geometry, candidate, stance = scratch.geometry, scratch.candidates[0], scratch.combination
+    geometry, candidate, stance = scratch.geometry, scratch.candidate, scratch.combination
     count, floor = stances.shape[1], rule.node_margin * rule.scale_m
     for s in range(start, stop):
         out[s] = False
         for order in range(len(orders)):
             for i in range(count):
                 stance[i] = stances[s, orders[order, i]]
-            set_stance(world.points, rule.poses, stance[:count], geometry)
-            for number in range(pose_count(geometry, rule.poses)):
-                set_pose(geometry, rule.poses, number, candidate.base)
+            set_stance(world.points, rule, stance[:count], geometry)
+            for number in range(pose_count(geometry, rule)):
+                set_pose(geometry, rule, number, candidate.base)
                 place(geometry, candidate.base, scratch.base)
                 away = length(minus(vector(scratch.base.position), vector(region)))
                 if (

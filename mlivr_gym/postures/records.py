@@ -38,11 +38,9 @@ class Thresholds(Record):
     """Clearance that shapes must keep [m]."""
 
 
-class PoseRule(Record):
-    """The candidate base poses of a robot's stances; see `base_poses`."""
+class PostureRule(Record):
+    """The candidates of a robot's stances, see `base_poses`, and how one is chosen, see `rule`."""
 
-    is_given: bool
-    """Whether a base pose in the world is given, which is the only candidate."""
     height_count: Annotated[IntArray, (2,), np.int64]
     """Number of candidate heights, and of those between opposite walls."""
     heights: Annotated[Array, (2, MOST_POSES)]
@@ -59,13 +57,8 @@ class PoseRule(Record):
     """Axes of the base by its first limb, if that were limb 0."""
     tool_length: float
     """Distance from the flange to the grasped point [m]."""
-
-
-class PostureRule(Record):
-    """The rule that chooses one candidate; see `rule`."""
-
-    poses: PoseRule
-    """The candidate base poses."""
+    is_given: bool
+    """Whether a base pose in the world is given, which is the only candidate."""
     thresholds: Thresholds
     """Thresholds of a node."""
     scale_m: float
@@ -152,8 +145,6 @@ class CandidatePose(Record):
     """How each limb reaches its grasp."""
     margin_bound: float
     """Upper bound of the margin: the minimum over the limbs of their best class."""
-    open_bound: float
-    """The same bound until the candidate is evaluated, then 0."""
 
 
 class PostureSearch(NamedTuple):
@@ -161,16 +152,16 @@ class PostureSearch(NamedTuple):
 
     robot: RobotModel
     """The robot."""
-    geometry: StanceGeometry
-    """The grasps of the stance."""
     rule: PostureRule
     """The rule."""
-    candidate_count: int
-    """Number of candidate base poses."""
-    clearance: float
-    """Clearance to keep [m]; with 0 only penetration counts."""
     grid: BoxGrid
     """The boxes."""
+    geometry: StanceGeometry
+    """The grasps of the stance."""
+    given: Pose
+    """Base pose in the world, if the rule has it given."""
+    clearance: float
+    """Clearance to keep [m]; with 0 only penetration counts."""
     has_boxes: bool
     """Whether the boxes count."""
 
@@ -201,18 +192,21 @@ class PostureScratch(Record):
 
     geometry: StanceGeometry
     """The grasps of the stance."""
-    candidates: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
-    """Candidate base poses."""
+    bounds: Annotated[Array, (MOST_POSES * MOST_POSES,)]
+    """Upper bound of the margin at each candidate base pose; 0 for those that need no look."""
+    candidate: CandidatePose
+    """The candidate base pose that is evaluated."""
+    base: Pose
+    """The same base pose in the world."""
     other: Posture
     """Another posture of the stance."""
     terms: Annotated[Array, (4, 4)]
     """Terms of the inverse kinematics of each class of branches."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
-    sums: Annotated[Array, (MOST_LIMBS + 1, 6, 6)]
-    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`."""
-    work: Annotated[Array, (2, 6, 6)]
-    """Work arrays of determinants."""
+    sums: Annotated[Array, (MOST_LIMBS, 2, 6, 6)]
+    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`, and
+    what its determinant is computed with."""
     combination: Limbs
     """Branch of each limb in the combination that is evaluated."""
     option_count: Limbs
@@ -236,11 +230,7 @@ class PostureScratch(Record):
     """Work arrays of matrix inversion."""
     surface: GraspSurface
     """The grasp at which a gripper is."""
-    base: Pose
-    """Base pose that is evaluated, in the world."""
     path: BasePath
     """Base path that stands for a departure."""
     holding: Holding
     """Work arrays of departures."""
-    allowed: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
-    """Whether each branch of each limb may hold, the other limbs excluded."""

@@ -24,39 +24,54 @@ from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.postures.base_poses import TIE, place
+from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
 from mlivr_gym.postures.gaps import self_clearance, touching_limb
-from mlivr_gym.postures.records import CandidatePose, Posture, PostureScratch, PostureSearch
+from mlivr_gym.postures.reach import evaluate_reach
+from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch
 
 CLEARANCE_TIE = 1e-9
 """Difference up to which clearances of the robot from itself count as equal [m]."""
 
 
 @kernel
-def prepare_candidate(
-    search: PostureSearch, c: int, least: float, scratch: PostureScratch
-) -> int:
-    """Prepare the evaluation of candidate base pose `c` of a stance.
+def prepare_candidate(search: PostureSearch, number: int, scratch: PostureScratch) -> int:
+    """Set `scratch.candidate` to a candidate base pose, of which no distance is known yet.
 
-    The options of each limb become its branches above the margin `least`, the best ones first, and
-    their `K^-1` is computed. Returned is the cause of a collision of the base with a box, else 0.
+    Returned is the cause of a collision of the base with a box, else 0.
     """
-    robot, candidate, l_c = search.robot, scratch.candidates[c], search.robot.characteristic_length
+    robot, geometry, candidate = search.robot, search.geometry, scratch.candidate
+    set_candidate(search, number, 0.0, scratch)
+    place(geometry, candidate.base, scratch.base)
     for i in range(robot.limb_count):
         for b in range(BRANCHES):
             for j in range(robot.limb_count):
-                for other in range(BRANCHES):
-                    scratch.gaps[i, b, j, other] = np.inf
-    place(search.geometry, candidate.base, scratch.base)
-    if search.has_boxes:
-        still, clearance = (0.0, 0.0), search.clearance
-        cause = compare_base_with_boxes(
-            robot, scratch.base, still, search.grid, clearance, scratch.surface
-        )
-        if cause != CLEAR:
-            return int(cause)
+                for c in range(BRANCHES):
+                    scratch.gaps[i, b, j, c] = np.inf
+    if not search.has_boxes:
+        return CLEAR
+    still, clearance, surface = (0.0, 0.0), search.clearance, scratch.surface
+    return compare_base_with_boxes(robot, scratch.base, still, search.grid, clearance, surface)
+
+
+@kernel
+def set_candidate(
+    search: PostureSearch, number: int, floor: float, scratch: PostureScratch
+) -> float:
+    """Set `scratch.candidate` to a candidate base pose; for the rest see `evaluate_reach`."""
+    geometry, rule, candidate = search.geometry, search.rule, scratch.candidate
+    if rule.is_given:
+        place(geometry, search.given, candidate.base)  # the frame of the stance is the world
+    else:
+        set_pose(geometry, rule, number, candidate.base)
+    return evaluate_reach(search.robot, geometry, floor, candidate, scratch.terms)
+
+
+@part
+def _list_options(search: PostureSearch, least: float, scratch: PostureScratch) -> None:
+    """List the branches of each limb from a margin on, the best first, with their `K^-1`."""
+    robot, l_c = search.robot, search.robot.characteristic_length
     for i in range(robot.limb_count):
-        limb, reach, options = robot.limbs[i], candidate.limbs[i], scratch.options[i]
+        limb, reach, options = robot.limbs[i], scratch.candidate.limbs[i], scratch.options[i]
         flange, count = FlangeAxis(vector(reach.p), vector(reach.z)), EMPTY
         for b in range(BRANCHES):
             w = reach.w[class_of(b)]
@@ -70,38 +85,28 @@ def prepare_candidate(
                 options[k] = b
                 count += 1
         scratch.option_count[i] = count
-    return CLEAR
 
 
 @kernel
-def first_combination(count: int, scratch: PostureScratch) -> int:
-    """Make `next_combination` start from the first one; return the limb to go on with."""
-    scratch.option_index[count - 1] = -1
-    for row in range(6):
-        for col in range(row + 1):
-            scratch.sums[count, row, col] = 0.0
-    return count - 1
+def next_combination(search: PostureSearch, least: float, i: int, scratch: PostureScratch) -> bool:
+    """Set the combination to the next one of the options; return whether there is one.
 
-
-@kernel
-def next_combination(
-    search: PostureSearch, candidate: CandidatePose, least: float, i: int, scratch: PostureScratch
-) -> bool:
-    """Set the combination to the next one; return whether there is one.
-
-    The branch of limb `i` changes, and those of the limbs before it start again; that of limb 0
-    changes fastest. Combinations with a `w_m` below the margin `least` or of branches that are
-    known to touch something are skipped as a group. `scratch.sums[0]` becomes the sum of `K^-1`.
+    The branch of limb `i` changes, and those of the limbs before it start again; with the number of
+    limbs for `i`, all do. The branch of limb 0 changes fastest. Combinations with a `w_m` below the
+    margin `least`, or of branches that are known to touch something, are skipped as a group. The
+    sum of `K^-1` is written into `scratch.sums[0, 0]`.
     """
-    limbs, options, combination = search.robot.limb_count, scratch.options, scratch.combination
+    limbs, combination, sums = search.robot.limb_count, scratch.combination, scratch.sums
+    if i == limbs:
+        i -= 1
+        scratch.option_index[i] = -1
     while i < limbs:
         scratch.option_index[i] += 1
-        if scratch.option_index[i] >= scratch.option_count[i]:
-            i += 1
-            continue
-        b = options[i, scratch.option_index[i]]
-        if candidate.limbs[i].w[class_of(b)] < least * search.rule.scale_m:
-            i += 1  # those after it are no better
+        k = scratch.option_index[i]
+        b = scratch.options[i, min(k, BRANCHES - 1)]
+        reach = scratch.candidate.limbs[i]
+        if k >= scratch.option_count[i] or reach.w[class_of(b)] < least * search.rule.scale_m:
+            i += 1  # the options after it are no better
             continue
         combination[i] = b
         touches = scratch.gaps[i, b, i, b] < search.clearance
@@ -111,9 +116,8 @@ def next_combination(
             continue
         for row in range(6):
             for col in range(row + 1):
-                scratch.sums[i, row, col] = (
-                    scratch.sums[i + 1, row, col] + scratch.information[i, b, row, col]
-                )
+                after = sums[i + 1, 0, row, col] if i + 1 < limbs else 0.0
+                sums[i, 0, row, col] = after + scratch.information[i, b, row, col]
         if i == 0:
             return True
         i -= 1
@@ -122,67 +126,53 @@ def next_combination(
 
 
 @kernel
-def w_b_of_combination(scratch: PostureScratch) -> float:
-    """Return `w_b` on the branches in `scratch.combination`."""
-    for row in range(6):
-        for col in range(row + 1):
-            scratch.work[0, row, col] = scratch.sums[0, row, col]
-    return inverse_root_determinant(scratch.work)
-
-
-@kernel
 def choose(search: PostureSearch, floor: float, out: Posture, scratch: PostureScratch) -> float:
     """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
     It is stored without base and branch sets. Returned is its clearance from itself [m].
     """
-    limbs, scales, rank, gap, best = search.robot.limb_count, search.rule, EMPTY, 0.0, floor
+    limbs, rule, rank, gap, best = search.robot.limb_count, search.rule, EMPTY, 0.0, floor
     out.pose_number, out.w_b, out.cause, out.is_node = NONE, 0.0, CLEAR, False
     for i in range(limbs):
         out.w_m[i], out.branch[i], out.branch_sets[i] = 0.0, EMPTY, EMPTY
-    for c in range(search.candidate_count):
-        scratch.candidates[c].open_bound = scratch.candidates[c].margin_bound
+    count = 1 if rule.is_given else pose_count(search.geometry, rule)
+    for number in range(count):
+        w_m = set_candidate(search, number, floor * rule.scale_m, scratch)
+        scratch.bounds[number] = w_m / rule.scale_m
     while True:
-        c = EMPTY
-        for other in range(1, search.candidate_count):
-            if scratch.candidates[other].open_bound > scratch.candidates[c].open_bound:
-                c = other
-        candidate, least = scratch.candidates[c], best * (1.0 - TIE)
-        if candidate.open_bound <= floor or candidate.open_bound < least:
+        number = EMPTY
+        for other in range(1, count):
+            if scratch.bounds[other] > scratch.bounds[number]:
+                number = other
+        bound, least = scratch.bounds[number], best * (1.0 - TIE)
+        if bound <= floor or bound < least:
             return gap
-        candidate.open_bound = 0.0
-        if prepare_candidate(search, c, least, scratch) != CLEAR:
+        scratch.bounds[number] = 0.0
+        if prepare_candidate(search, number, scratch) != CLEAR:
             continue
-        i = first_combination(limbs, scratch)
-        while next_combination(search, candidate, least, i, scratch):
-            i, w_m, w_b = EMPTY, np.inf, w_b_of_combination(scratch)
+        _list_options(search, least, scratch)
+        i = limbs
+        while next_combination(search, least, i, scratch):
+            i, w_m, w_b = EMPTY, np.inf, inverse_root_determinant(scratch.sums[0])
             for k in range(limbs):
-                w_m = min(w_m, candidate.limbs[k].w[class_of(scratch.combination[k])])
-            margin = min(w_m / scales.scale_m, w_b / scales.scale_b)
+                w_m = min(w_m, scratch.candidate.limbs[k].w[class_of(scratch.combination[k])])
+            margin = min(w_m / rule.scale_m, w_b / rule.scale_b)
             if margin <= floor or margin < least:
                 continue
-            touching = touching_limb(search, candidate, scratch)
+            touching = touching_limb(search, scratch)
             if touching >= 0:
                 i = touching
                 continue
-            to_itself, order = self_clearance(limbs, scratch), c
+            to_itself, order = self_clearance(limbs, scratch), number
             for k in range(limbs - 1, -1, -1):
                 order = order * BRANCHES + scratch.combination[k]
-            is_closer, is_apart = to_itself < gap - CLEARANCE_TIE, to_itself > gap + CLEARANCE_TIE
-            if margin * (1.0 - TIE) > best or is_apart or (order < rank and not is_closer):
-                rank, gap = order, to_itself
-                _store(search, c, w_m, w_b, out, scratch)
+            is_larger = out.pose_number < 0 or margin * (1.0 - TIE) > best
+            is_apart, is_close = to_itself > gap + CLEARANCE_TIE, to_itself < gap - CLEARANCE_TIE
+            if is_larger or is_apart or (order < rank and not is_close):
+                rank, gap, out.pose_number, out.w_b = order, to_itself, number, w_b
+                out.is_node = w_b >= rule.thresholds.w_b and w_m >= rule.thresholds.w_m
+                for k in range(limbs):
+                    b = scratch.combination[k]
+                    out.branch[k], out.w_m[k] = b, scratch.candidate.limbs[k].w[class_of(b)]
             best = max(best, margin)
             least = best * (1.0 - TIE)
-
-
-@part
-def _store(
-    search: PostureSearch, c: int, w_m: float, w_b: float, out: Posture, scratch: PostureScratch
-) -> None:
-    """Store a combination at candidate `c`, whose limbs have at least `w_m`, as the posture."""
-    limits = search.rule.thresholds
-    out.pose_number, out.w_b, out.is_node = c, w_b, w_b >= limits.w_b and w_m >= limits.w_m
-    for i in range(search.robot.limb_count):
-        out.branch[i] = scratch.combination[i]
-        out.w_m[i] = scratch.candidates[c].limbs[i].w[class_of(out.branch[i])]

@@ -13,12 +13,11 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.distances import CLEAR, SELF
-from mlivr_gym.compiled.bit_sets import ALL, EMPTY, YES
+from mlivr_gym.compiled.bit_sets import ALL, EMPTY, NO, YES
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.base_poses import place, pose_count, set_pose, set_stance, turn_to_first
+from mlivr_gym.postures.base_poses import place, set_pose, set_stance, turn_to_first
 from mlivr_gym.postures.branch_sets import remove_touching, set_branch_sets
-from mlivr_gym.postures.reach import evaluate_reach
 from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch, PostureWorld
 from mlivr_gym.postures.rule import choose, prepare_candidate
 
@@ -39,11 +38,10 @@ def solve_alone(
     poses. `bases` are records of `Pose` in the world, shape (k,), if the rule has them given: then
     the boxes count from the beginning.
     """
-    scratch, rule = scratch_rows[0], world.rules[0]
+    scratch = scratch_rows[0]
     for k in range(start, stop):
-        set_stance(world.points, rule.poses, stances[k], scratch.geometry)
-        count = _evaluate_candidates(world, bases[min(k, len(bases) - 1)], scratch)
-        _choose_alone(world, count, out[k], scratch)
+        set_stance(world.points, world.rules[0], stances[k], scratch.geometry)
+        _choose_alone(world, bases[min(k, len(bases) - 1)], out[k], scratch)
 
 
 @entry
@@ -57,54 +55,35 @@ def solve_among_boxes(
     scratch_rows: Any,
 ) -> None:
     """Complete the postures of stances, which `out` has as they are by themselves."""
-    scratch, rule = scratch_rows[0], world.rules[0]
+    scratch = scratch_rows[0]
     for k in range(start, stop):
-        set_stance(world.points, rule.poses, stances[k], scratch.geometry)
-        touched = CLEAR
+        set_stance(world.points, world.rules[0], stances[k], scratch.geometry)
+        touched, base = CLEAR, bases[min(k, len(bases) - 1)]
         for i in range(stances.shape[1]):
             touched = max(touched, world.causes[stances[k, i]])
-        _avoid_boxes(world, touched, out[k], scratch)
-        _place(world, bases[min(k, len(bases) - 1)], out[k], scratch)
-
-
-@kernel
-def _evaluate_candidates(world: PostureWorld, base: Pose, scratch: PostureScratch) -> int:
-    """Set up the candidate base poses of a stance and return their number."""
-    rule, geometry, count = world.rules[0], scratch.geometry, 1
-    floor = rule.node_margin * rule.scale_m if rule.nodes_only else 0.0
-    if not rule.poses.is_given:
-        count = pose_count(geometry, rule.poses)
-    for c in range(count):
-        candidate = scratch.candidates[c]
-        if rule.poses.is_given:
-            place(geometry, base, candidate.base)  # the frame of the stance is the world
-        else:
-            set_pose(geometry, rule.poses, c, candidate.base)
-        reach = evaluate_reach(world.robots[0], geometry, floor, candidate, scratch.terms)
-        candidate.margin_bound = reach / rule.scale_m
-    return count
+        if world.rules[0].check_contacts and _may_hold(stances.shape[1], out[k]):
+            _avoid_boxes(world, touched, base, out[k], scratch)
+        _place(world, base, out[k], scratch)
 
 
 @part
-def _choose_alone(
-    world: PostureWorld, count: int, out: Posture, scratch: PostureScratch
-) -> None:
-    """Compute the posture of a stance by itself, with the causes of collisions and branch sets."""
+def _choose_alone(world: PostureWorld, base: Pose, out: Posture, scratch: PostureScratch) -> None:
+    """Compute the posture of a stance by itself, with its branch sets."""
     robot, rule, grid, geometry = world.robots[0], world.rules[0], world.grid, scratch.geometry
-    among_boxes, clearance = rule.check_contacts and rule.poses.is_given, rule.thresholds.clearance
+    among_boxes, clearance = rule.check_contacts and rule.is_given, rule.thresholds.clearance
     least = clearance if among_boxes else 0.0
-    search = PostureSearch(robot, geometry, rule, count, least, grid, among_boxes)
+    search = PostureSearch(robot, rule, grid, geometry, base, least, among_boxes)
     gap = choose(search, rule.node_margin if rule.nodes_only else 0.0, out, scratch)
     was_node = out.is_node
     if rule.check_contacts and not among_boxes:
-        search = PostureSearch(robot, geometry, rule, count, clearance, grid, among_boxes)
+        search = PostureSearch(robot, rule, grid, geometry, base, clearance, among_boxes)
         if was_node and gap < clearance:
             choose(search, rule.node_margin, out, scratch)
     if out.is_node:
         _set_branches(search, out, scratch)
     elif not among_boxes and not was_node:
-        # Of no clearance at all everything keeps it.
-        search = PostureSearch(robot, geometry, rule, count, -np.inf, grid, among_boxes)
+        # Nothing is too close to keep no clearance at all.
+        search = PostureSearch(robot, rule, grid, geometry, base, -np.inf, among_boxes)
         choose(search, rule.node_margin, scratch.other, scratch)
         was_node = scratch.other.pose_number >= 0
     if was_node and not out.is_node:
@@ -113,64 +92,56 @@ def _choose_alone(
 
 @part
 def _avoid_boxes(
-    world: PostureWorld, touched: int, out: Posture, scratch: PostureScratch
+    world: PostureWorld, touched: int, base: Pose, out: Posture, scratch: PostureScratch
 ) -> None:
     """Remove the branches of a posture that touch a box, and choose another one if it does itself.
 
     `touched` is the cause of a collision of a gripper, 0 for none.
     """
     robot, rule, grid, geometry = world.robots[0], world.rules[0], world.grid, scratch.geometry
-    is_given, clearance = rule.poses.is_given, rule.thresholds.clearance
-    if not rule.check_contacts or not _may_hold(robot.limb_count, out):
-        return
-    if touched == CLEAR:
-        if is_given:
-            return
-        candidate = scratch.candidates[out.pose_number]
-        set_pose(geometry, rule.poses, out.pose_number, candidate.base)
-        evaluate_reach(robot, geometry, 0.0, candidate, scratch.terms)
-        place(geometry, candidate.base, scratch.base)
-        search = PostureSearch(robot, geometry, rule, 1, clearance, grid, YES)
+    other, clearance = scratch.other, rule.thresholds.clearance
+    if touched == CLEAR and not rule.is_given:
+        # The base is compared with the boxes last, since its cause counts.
+        search = PostureSearch(robot, rule, grid, geometry, base, clearance, NO)
+        prepare_candidate(search, out.pose_number, scratch)
         touched = remove_touching(search, out, scratch)
-        if touched == CLEAR:
-            return
-        count, other = _evaluate_candidates(world, scratch.base, scratch), scratch.other
-        free = PostureSearch(robot, geometry, rule, count, clearance, grid, YES)
-        choose(free, rule.node_margin, other, scratch)
-        if other.is_node:
-            _set_branches(free, other, scratch)
-            if _may_hold(robot.limb_count, other):
-                _copy(robot.limb_count, other, out)
-                return
-    for i in range(robot.limb_count):
-        out.branch_sets[i] = EMPTY
-    if not is_given:
-        out.cause = touched
+        if touched != CLEAR:
+            search = PostureSearch(robot, rule, grid, geometry, base, clearance, YES)
+            choose(search, rule.node_margin, other, scratch)
+            if other.is_node:
+                _set_branches(search, other, scratch)
+                if _may_hold(robot.limb_count, other):
+                    _copy(robot.limb_count, other, out)
+                    return
+    if touched != CLEAR:
+        out.cause = CLEAR if rule.is_given else touched
+        for i in range(robot.limb_count):
+            out.branch_sets[i] = EMPTY
 
 
 @kernel
 def _set_branches(search: PostureSearch, out: Posture, scratch: PostureScratch) -> None:
     """Set the branch sets of a node."""
-    prepare_candidate(search, out.pose_number, np.inf, scratch)
     for i in range(search.robot.limb_count):
         out.branch_sets[i] = ALL
     if search.rule.check_branches:
+        prepare_candidate(search, out.pose_number, scratch)
         set_branch_sets(search, out, scratch)
 
 
 @kernel
 def _may_hold(limbs: int, out: Posture) -> bool:
     """Return whether every limb has a branch on which it may hold."""
+    every = True
     for i in range(limbs):
-        if out.branch_sets[i] == EMPTY:
-            return False
-    return True
+        every = every and out.branch_sets[i] != EMPTY
+    return every
 
 
 @part
 def _place(world: PostureWorld, base: Pose, out: Posture, scratch: PostureScratch) -> None:
     """Put the limbs of a posture in their order, and its base into the world."""
-    geometry, limbs, rule = scratch.geometry, world.robots[0].limb_count, world.rules[0].poses
+    geometry, limbs, rule = scratch.geometry, world.robots[0].limb_count, world.rules[0]
     found = scratch.other
     _copy(limbs, out, found)
     for i in range(limbs):

@@ -32,7 +32,6 @@ from mlivr_gym.postures.reach import orders_of, sets_in_reach
 from mlivr_gym.postures.records import (
     MapPoints,
     Posture,
-    PostureRule,
     PostureScratch,
     PostureWorld,
     StanceGeometry,
@@ -126,7 +125,7 @@ class PostureSolver:
         """
         collisions = self.settings.collisions if collisions is None else collisions
         rules = self._rules(thresholds, collisions)
-        rules["poses"]["is_given"] = True
+        rules["is_given"] = True
         return self._solve(stances, poses(positions, rotations), rules)
 
     def candidate_poses(self, stance: Sequence[int]) -> tuple[Array, Array]:
@@ -161,11 +160,11 @@ class PostureSolver:
         self, thresholds: tuple[float, float], collisions: bool, *, nodes_only: bool = False
     ) -> Any:
         """Return the rule of postures as a record of `PostureRule`, shape (1,)."""
-        rules, limbs = PostureRule.rows(1), self.robot.limbs
+        rules, limbs = pose_rules(self.robot), self.robot.limbs
         given, default = self.settings.thresholds(limbs), Settings().thresholds(limbs)
         scales = given[0] or default[0], given[1] or default[1]
         margin = min(a / b for a, b in zip(thresholds, scales, strict=True))
-        rules["poses"], rules["thresholds"] = pose_rules(self.robot), self._thresholds(thresholds)
+        rules["thresholds"] = self._thresholds(thresholds)
         rules["scale_m"], rules["scale_b"] = scales
         rules["node_margin"], rules["nodes_only"] = margin * (1.0 - 3.0 * TIE), nodes_only
         rules["check_branches"], rules["check_contacts"] = self.settings.transitions, collisions
@@ -181,9 +180,9 @@ class PostureSolver:
         stances, world, limbs = np.ascontiguousarray(stances), self._world(rules), self.robot.limbs
         first: IntArray = np.arange(len(stances))
         same = first
-        if not rules["poses"]["is_given"]:
+        if not rules["is_given"]:
             codes = np.empty(len(stances), dtype=np.int64)
-            set_codes(stances, world.points, rules["poses"], StanceGeometry.rows(1), codes)
+            set_codes(stances, world.points, rules, StanceGeometry.rows(1), codes)
             _, first, same = np.unique(codes, return_index=True, return_inverse=True)
         alone = Posture.rows(len(first))
         self._run(solve_alone, stances[first], bases, world, alone)
