@@ -4,8 +4,8 @@ What each module knows, from the bottom up:
 
 * `records`: the structures that pass between the kernels.
 * `relabelling`: which exchanges of the limbs leave a robot as it is.
-* `base_poses`: the grasps of a stance as its first limb sees them (`StanceGeometry`), and base poses
-  by their numbers; `bases_at` recovers those that a table names.
+* `base_poses`: the grasps of a stance as its first limb sees them (`StanceGeometry`), and its base
+  poses by number; `bases_at` recovers those that a table names.
 * `reach`: flange poses and `w_m` of all branches at a base pose (`CandidatePose`), no joint angle
   formed; the sets of points that some order of the limbs reaches.
 * `gaps`: distances of the limbs on their branches at that pose, from themselves, the body, each

@@ -19,19 +19,18 @@ number, roll by roll and in each by its height, which is all that a table needs 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
 from mlivr_gym.postures.records import MapPoints, PostureRule, StanceGeometry
 from mlivr_gym.postures.relabelling import turns_to_mounts
 from mlivr_gym.robot.planning_lengths import geometric_order
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
 if TYPE_CHECKING:
@@ -43,8 +42,8 @@ RESOLUTION = 1e-7
 TIE = 1e-9
 """Relative difference up to which margins, and fits of the mounts, count as equal."""
 
-MIX = cast(int, np.int64(0x2545F4914F6CDD1D))
-"""Odd factor that spreads the bits of a number over 64 bits."""
+MIX = np.random.default_rng(0).integers(1, 2**62, (MOST_LIMBS, 3, 3))
+"""Weights of the rounded coordinates of limbs in the code of a geometry."""
 
 OPPOSED = 0.2
 """A mean surface normal shorter than this marks a stance between opposite walls."""
@@ -114,22 +113,22 @@ def set_bases(
 def set_codes(
     stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray
 ) -> None:
-    """Write a number for each stance that is the same for the same relative geometry, shape (k,).
+    """Write a code for each stance that is the same for the same relative geometry, shape (k,).
 
-    It mixes the rounded coordinates into 64 bits, in which two of a million geometries agree by
-    chance once in ten million maps.
+    It is a sum of the rounded coordinates by random weights, modulo 2^64: two geometries that
+    differ have the same one by chance in 2^-62 of all cases.
     """
     rule, geometry = rules[0], scratch[0]
     for k in range(len(stances)):
         set_stance(points, rule, stances[k], geometry)
-        code = EMPTY
+        out[k] = 0
         for limb in range(1, stances.shape[1]):
             grasp = geometry.grasps[limb]
             for axis in range(3):
-                for value in (grasp.point[axis], grasp.rail[axis], grasp.normal[axis]):
-                    code = (code ^ int(np.rint(value / RESOLUTION))) * MIX
-                    code ^= code >> 29
-        out[k] = code
+                for kind, value in enumerate(
+                    (grasp.point[axis], grasp.rail[axis], grasp.normal[axis])
+                ):
+                    out[k] += int(np.rint(value / RESOLUTION)) * MIX[limb, axis, kind]
 
 
 @kernel
