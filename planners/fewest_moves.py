@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS
+from mlivr_gym.postures.base_poses import OPPOSED_HEIGHTS
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings

@@ -141,7 +141,6 @@ def _pair_summary(graph: TwoLimbGraph) -> dict[str, Any]:
         "stances": len(graph),
         "stances_left_out": excluded,
         "stances_now": int((graph.branch_sets > 0).all(axis=1).sum()),
-        "geometries": graph.solver.geometries,
         "steps_before_checks": int((graph.steps.degree**2).sum() - 2 * len(graph)),
         "connected_parts": count,
         "stances_of_the_largest_part": int(np.bincount(part).max()),

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -48,31 +47,3 @@ def distance(a: Sequence[float], b: Sequence[float]) -> float:
     """Return the distance of two points, equal to that of `distances` to the last bit."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return math.sqrt(x * x + y * y + z * z)
-
-
-def unit(vectors: Any) -> Array:
-    """Return vectors scaled to length 1, shape (..., 3)."""
-    scaled: Array = vectors / np.sqrt(dots(vectors, vectors))[..., None]
-    return scaled
-
-
-def rotate(rotations: Array, vectors: Array) -> Array:
-    """Return vectors turned by rotations, shapes (..., 3, 3) and (..., 3) -> (..., 3)."""
-    x, y, z = (vectors[..., k, None] for k in range(3))
-    turned: Array = rotations[..., 0] * x + rotations[..., 1] * y + rotations[..., 2] * z
-    return turned
-
-
-def chain(outer: Array, inner: Array) -> Array:
-    """Return the products `outer @ inner` of rotations, shapes (..., 3, 3)."""
-    columns: Array = np.stack([rotate(outer, inner[..., k]) for k in range(3)], axis=-1)
-    return columns
-
-
-def mean_of_limbs(values: Array) -> Array:
-    """Return the mean over the limbs, shape (k, N, 3) -> (k, 3)."""
-    total = values[:, 0]
-    for limb in range(1, values.shape[1]):
-        total = total + values[:, limb]
-    mean: Array = total / values.shape[1]
-    return mean

@@ -24,8 +24,8 @@ from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
 from mlivr_gym.motion.swings import SwingFinder
 from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
-from mlivr_gym.postures.selection import base_along, reach_all
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb

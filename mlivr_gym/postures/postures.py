@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.relabelling import relabelled, relabelled_frames
 
 
 @dataclass(frozen=True)
@@ -31,7 +30,7 @@ class Postures:
     branch_sets: IntArray
     """Branches and flips on which each limb may hold, as 16-bit branch sets, shape (k, N)."""
     pose_number: IntArray
-    """Index of the base pose among the candidates, see `candidate_poses`, shape (k,); -1 for a
+    """Index of the base pose among the candidates, see `base_poses`, shape (k,); -1 for a
     given base pose, and where no candidate was chosen."""
     cause: IntArray
     """Cause of the collision where only a collision keeps the stance from being held, else 0, shape
@@ -65,62 +64,16 @@ class Postures:
         """Return the postures of selected stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
-    def relabelled(self, relabellings: IntArray) -> Postures:
-        """Return the same postures after cyclic relabellings of the limbs, of shape (k,).
-
-        See the module `relabelling`.
-        """
-        return Postures(
-            self.base_position,
-            relabelled_frames(self.base_rotation, relabellings, self.w_m.shape[1]),
-            relabelled(self.w_m, relabellings),
-            self.w_b,
-            relabelled(self.branch, relabellings),
-            relabelled(self.branch_sets, relabellings),
-            self.pose_number,
-            self.cause,
-        )
+    @classmethod
+    def of_rows(cls, rows: Any, limbs: int) -> Postures:
+        """Return the postures in records of `Posture`, shape (k,)."""
+        of_limbs = (rows[name][:, :limbs] for name in ("w_m", "branch", "branch_sets"))
+        w_m, branch, branch_sets = (np.ascontiguousarray(values) for values in of_limbs)
+        base, others = rows["base"], ("w_b", "pose_number", "cause")
+        w_b, pose_number, cause = (rows[name].copy() for name in others)
+        position, rotation = base["position"].copy(), base["rotation"].copy()
+        return cls(position, rotation, w_m, w_b, branch, branch_sets, pose_number, cause)
 
 
 FIELDS = tuple(field.name for field in fields(Postures))
 """Names of the arrays of `Postures`."""
-
-
-class PostureTable:
-    """Computed postures in arrays whose capacity doubles when it is exhausted."""
-
-    def __init__(self, limbs: int) -> None:
-        """Create an empty table for robots with a given number of limbs."""
-        shapes: list[tuple[tuple[int, ...], type]] = [
-            ((3,), float),
-            ((3, 3), float),
-            ((limbs,), float),
-            ((), float),
-            ((limbs,), np.int64),
-            ((limbs,), np.int64),
-            ((), np.int64),
-            ((), np.int64),
-        ]
-        self._arrays: list[NDArray[Any]] = [
-            np.zeros((0, *shape), dtype=kind) for shape, kind in shapes
-        ]
-        self.used = 0
-        """Number of postures."""
-
-    def append(self, new: Postures) -> None:
-        """Append postures."""
-        parts = [getattr(new, name) for name in FIELDS]
-        end = self.used + len(new.w_b)
-        for i, part in enumerate(parts):
-            if end > len(self._arrays[i]):
-                grown = np.zeros(
-                    (max(end, 2 * len(self._arrays[i])), *part.shape[1:]), dtype=part.dtype
-                )
-                grown[: self.used] = self._arrays[i][: self.used]
-                self._arrays[i] = grown
-            self._arrays[i][self.used : end] = part
-        self.used = end
-
-    def take(self, index: IntArray) -> Postures:
-        """Return postures by index."""
-        return Postures(*(array[index] for array in self._arrays))

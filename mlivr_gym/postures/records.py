@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -40,8 +39,26 @@ class Thresholds(Record):
 
 
 class PostureRule(Record):
-    """The candidate poses of a stance, and the rule that chooses one of them; see `solver`."""
+    """The candidates of a robot's stances, see `base_poses`, and how one is chosen, see `rule`."""
 
+    height_count: Annotated[IntArray, (2,), np.int64]
+    """Number of candidate heights, and of those between opposite walls."""
+    heights: Annotated[Array, (2, MOST_POSES)]
+    """These heights [m]."""
+    roll_count: Annotated[IntArray, (2,), np.int64]
+    """Number of candidate rolls, and of those between opposite walls."""
+    rolls: Annotated[Array, (2, MOST_POSES)]
+    """These rolls [rad]."""
+    mounts: Annotated[Array, (MOST_LIMBS, 2)]
+    """Directions of the mounts across the body's z axis."""
+    finds_first: bool
+    """Whether the grasps determine the first limb; else it is limb 0."""
+    turns: Annotated[Array, (MOST_LIMBS, 3, 3)]
+    """Axes of the base by its first limb, if that were limb 0."""
+    tool_length: float
+    """Distance from the flange to the grasped point [m]."""
+    is_given: bool
+    """Whether a base pose in the world is given, which is the only candidate."""
     thresholds: Thresholds
     """Thresholds of a node."""
     scale_m: float
@@ -52,53 +69,60 @@ class PostureRule(Record):
     """A margin slightly below that of every node."""
     nodes_only: bool
     """Whether to omit the results for stances that are no nodes; most are then rejected early."""
-    best_touches: bool
-    """Whether the posture with the largest margin is known to touch something."""
     check_branches: bool
     """Whether to compute sets of branches; otherwise every node has all branches."""
     check_contacts: bool
     """Whether postures must keep the clearance."""
-    height_count: int
-    """Number of candidate heights."""
-    heights: Annotated[Array, (MOST_POSES,)]
-    """Candidate heights [m]."""
-    roll_count: int
-    """Number of candidate rolls."""
-    rolls: Annotated[Array, (MOST_POSES,)]
-    """Candidate rolls [rad]."""
-    opposed_height_count: int
-    """Number of candidate heights between opposite walls."""
-    opposed_heights: Annotated[Array, (MOST_POSES,)]
-    """These heights [m]."""
-    opposed_roll_count: int
-    """Number of candidate rolls between opposite walls."""
-    opposed_rolls: Annotated[Array, (MOST_POSES,)]
-    """These rolls [rad]."""
 
 
-def set_candidates(rule: PostureRule, heights_and_rolls: Sequence[Array]) -> None:
-    """Set the candidates of a rule: heights and rolls, and those between opposite walls."""
-    names = ("height", "roll", "opposed_height", "opposed_roll")
-    for name, values in zip(names, heights_and_rolls, strict=True):
-        rule[f"{name}_count"] = len(values)
-        rule[f"{name}s"][: len(values)] = values
+class MapPoints(NamedTuple):
+    """The m graspable points of a map."""
+
+    positions: Array
+    """The points [m], shape (m, 3)."""
+    rotations: Array
+    """Their axes in the world: rail, side and normal, shape (m, 3, 3)."""
+
+
+class PostureWorld(NamedTuple):
+    """What all stances share."""
+
+    robots: Any
+    """The robot, a record of `RobotModel`, shape (1,)."""
+    rules: Any
+    """The rule, a record of `PostureRule`, shape (1,)."""
+    points: MapPoints
+    """The graspable points."""
+    causes: IntArray
+    """Cause of the collision of a gripper at each point, 0 for none, shape (m,)."""
+    grid: BoxGrid
+    """The boxes."""
 
 
 class StanceGeometry(Record):
-    """The grasps of a stance relative to their centroid, and axes of the candidate base poses."""
+    """The grasps of a stance, limb by limb from its first limb on, and axes of its candidates.
 
-    centre: Vector
-    """Centroid of the grasps in the world of the boxes [m]."""
+    They are seen from the grasp of the first limb, and from the world where a base pose is given.
+    """
+
+    first: int
+    """The first limb."""
+    place: Pose
+    """Frame in which the grasps are seen: that of this limb's grasp, with rail, side and normal."""
     grasps: Annotated[Rows[Grasp], (MOST_LIMBS,)]
     """Grasp of each limb."""
+    centroid: Vector
+    """Centroid of the grasps [m]."""
     frame: Matrix
     """Body axes at roll zero, as columns."""
     out: Vector
     """Outward direction."""
     line: Vector
     """Roll axis."""
-    opposed: bool
-    """Whether the held walls are opposite."""
+    opposed: int
+    """1 if the held walls are opposite, else 0."""
+    keys: Annotated[Array, (5, MOST_LIMBS)]
+    """What chooses the first limb, see `base_poses.first_limb`."""
 
 
 class LimbReach(Record):
@@ -121,8 +145,6 @@ class CandidatePose(Record):
     """How each limb reaches its grasp."""
     margin_bound: float
     """Upper bound of the margin: the minimum over the limbs of their best class."""
-    open_bound: float
-    """The same bound until the candidate is evaluated, then 0."""
 
 
 class PostureSearch(NamedTuple):
@@ -130,29 +152,33 @@ class PostureSearch(NamedTuple):
 
     robot: RobotModel
     """The robot."""
-    geometry: StanceGeometry
-    """The grasps of the stance."""
     rule: PostureRule
-    """The rule and its candidates."""
+    """The rule."""
     grid: BoxGrid
     """The boxes."""
+    geometry: StanceGeometry
+    """The grasps of the stance."""
+    given: Pose
+    """Base pose in the world, if the rule has it given."""
     clearance: float
     """Clearance to keep [m]; with 0 only penetration counts."""
-    candidate_count: int
-    """Number of candidate base poses."""
+    has_boxes: bool
+    """Whether the boxes count."""
 
 
 class Posture(Record):
-    """The posture of a stance."""
+    """The posture of a stance, while it is computed limb by limb from its first limb on."""
 
     base: Pose
-    """Base pose, in the frame of the stance's grasps."""
+    """Base pose in the world."""
     pose_number: int
     """Index of the base pose among the candidates; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
     """Limb manipulability; 0 where the stance cannot be held."""
     w_b: float
     """Base manipulability."""
+    is_node: bool
+    """Whether the thresholds are met."""
     branch: Limbs
     """Branch of each limb at which the posture has its margin."""
     branch_sets: Limbs
@@ -164,16 +190,23 @@ class Posture(Record):
 class PostureScratch(Record):
     """Scratch for the choice of one posture."""
 
-    candidates: Annotated[Rows[CandidatePose], (MOST_POSES * MOST_POSES,)]
-    """Candidate base poses."""
+    geometry: StanceGeometry
+    """The grasps of the stance."""
+    bounds: Annotated[Array, (MOST_POSES * MOST_POSES,)]
+    """Upper bound of the margin at each candidate base pose; 0 for those that need no look."""
+    candidate: CandidatePose
+    """The candidate base pose that is evaluated."""
+    base: Pose
+    """The same base pose in the world."""
+    other: Posture
+    """Another posture of the stance."""
+    terms: Annotated[Array, (4, 4)]
+    """Terms of the inverse kinematics of each class of branches."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
-    work: Annotated[Array, (2, 6, 6)]
-    """Work arrays of determinants."""
-    sums: Annotated[Array, (MOST_LIMBS, 6, 6)]
-    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`."""
-    roots: Annotated[Array, (MOST_LIMBS,)]
-    """Lower bounds of the summed sixth roots of determinants, over the limbs before each limb."""
+    sums: Annotated[Array, (MOST_LIMBS, 2, 6, 6)]
+    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`, and
+    what its determinant is computed with."""
     combination: Limbs
     """Branch of each limb in the combination that is evaluated."""
     option_count: Limbs
@@ -182,18 +215,13 @@ class PostureScratch(Record):
     """These branches."""
     option_index: Limbs
     """Index of each limb's branch in `combination` among its options."""
-    status: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
-    """What a limb touches on a branch, other limbs excluded; -1 if unknown."""
-    pairs: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES), np.int64]
-    """Result of comparing two limbs on their branches; -1 if unknown."""
     gaps: Annotated[Array, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES)]
-    """Smallest distance of two limbs on their branches, or of a limb from itself and the body [m].
+    """Distance of two limbs on their branches [m], or of a limb from itself and the body.
 
-    It is infinite if unknown. A distance below the required one may be stored as any smaller number
-    than that.
+    It is infinite while it is not known, and -1 where a limb touches a box or has no such branch.
     """
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
-    """Capsules of each limb on each branch in the body frame, where its status is known."""
+    """Capsules of each limb on each branch in the body frame, where its distance is known."""
     in_world: Shapes
     """Capsules of a limb in the world frame."""
     placed: Placed
@@ -202,13 +230,7 @@ class PostureScratch(Record):
     """Work arrays of matrix inversion."""
     surface: GraspSurface
     """The grasp at which a gripper is."""
-    base: Pose
-    """Base pose that is evaluated, in the world of the boxes."""
     path: BasePath
     """Base path that stands for a departure."""
     holding: Holding
     """Work arrays of departures."""
-    allowed: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
-    """Whether each branch of each limb may hold, the other limbs excluded."""
-    kept: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
-    """Whether each branch of each limb belongs to the product set."""

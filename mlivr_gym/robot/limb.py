@@ -56,9 +56,6 @@ Chosen from postures that keep clear of the body: each in turn adds most steps o
 a limb can fold, stay folded and unfold.
 """
 
-CELLS = 256
-"""Cells of joint 3 and of joint 5 over which `farthest_flange` takes bounds."""
-
 LinkQuaternion = tuple[float, float, float, float]
 """A unit quaternion w, x, y, z."""
 
@@ -326,31 +323,6 @@ class Limb(LimbBase):
     def side_offsets(self) -> tuple[float, float]:
         """Offsets d4 of the wrist point from the forearm and d5 of the flange axis from wrist 1."""
         return self.d4, self.d5
-
-    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
-        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
-
-        `w_m` asks for `|s3 s5 u| >= c = w_m l_c^3 / |a2 a3|`. In the arm's plane the flange lies at
-        most `D + sqrt(d5^2 + d6^2 s5^2)` from the shoulder, with `D` the distance to the forearm
-        end, and `|u| - d6 |s5|` or more from joint 1's axis; across it at most `d4 + d6 |c5|`. The
-        largest of the resulting bounds is taken over cells of joints 3 and 5, in each with the best
-        ends.
-        """
-        d1, a2, a3, d4, d5, d6 = np.abs(self.lengths)
-        q3, q5 = (np.linspace(0.0, top, CELLS + 1) for top in (np.pi, 0.5 * np.pi))
-        forearm = np.sqrt(np.maximum(a2**2 + a3**2 + 2.0 * a2 * a3 * np.cos(q3[:-1]), 0.0))[:, None]
-        middle = (q3[:-1] <= 0.5 * np.pi) & (q3[1:] >= 0.5 * np.pi)
-        s3 = np.where(middle, 1.0, np.maximum(np.sin(q3[:-1]), np.sin(q3[1:])))[:, None]
-        s5, c5 = np.sin(q5[1:]), np.cos(q5[:-1])
-        u = w_m * characteristic_length**3 / (a2 * a3 * s3 * s5)
-        possible = u <= forearm + d5
-        if not possible.any():
-            return 0.0
-        plane = forearm + np.sqrt(d5**2 + (d6 * s5) ** 2)
-        radial = np.maximum(u - d6 * s5, 0.0)
-        height = np.sqrt(np.maximum(plane**2 - radial**2, 0.0))
-        square = plane**2 + d1**2 + 2.0 * d1 * height + (d4 + d6 * c5) ** 2
-        return float(np.sqrt(square[possible].max()))
 
 
 LIMB = Struct.of(Limb)

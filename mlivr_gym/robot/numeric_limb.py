@@ -208,13 +208,6 @@ class NumericLimb(LimbBase):
         end = -float(np.copysign(slim, d6))
         return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
 
-    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
-        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
-
-        It is that of any posture.
-        """
-        return self.reach
-
 
 @lru_cache(maxsize=8)
 def _postures(limb: NumericLimb) -> tuple[Array, Array]:

@@ -12,7 +12,6 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb import (
     BACK,
-    CELLS,
     FAMILIES,
     FARTHEST_TURN,
     FORTH,
@@ -325,27 +324,6 @@ class SphericalWristLimb(LimbBase):
             Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
             tip,
         )
-
-    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
-        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m].
-
-        `w_m` asks for `|sin f u| >= w_m l_c^3 / (U L |sin r|)`, and `|u| <= |a1| + D` with `D` the
-        distance of the wrist point from the shoulder, or from axis 2 if that is parallel to axis 3.
-        The largest bound is taken over cells of the elbow angle, in each with the best ends.
-        """
-        d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.lengths.tolist()
-        upper, fore = float(np.hypot(a2, b2)), float(np.hypot(a3, d4))
-        angle = np.linspace(0.0, np.pi, CELLS + 1)
-        square = upper**2 + fore**2 + 2.0 * upper * fore * np.cos(angle[:-1])
-        distance = np.sqrt(np.maximum(square, 0.0))
-        middle = (angle[:-1] <= 0.5 * np.pi) & (angle[1:] >= 0.5 * np.pi)
-        sine = np.where(middle, 1.0, np.maximum(np.sin(angle[:-1]), np.sin(angle[1:])))
-        needed = w_m * characteristic_length**3 / (upper * fore * abs(np.sin(twist)) * sine)
-        possible = needed <= abs(a1) + (np.hypot(distance, d2) if held else distance)
-        if not possible.any():
-            return 0.0
-        wrist = abs(a1) + float(np.hypot(distance[possible].max(), d2))
-        return float(self.link_distances[0] + abs(d1) + wrist + abs(d6))
 
 
 SPHERICAL_WRIST_LIMB = Struct.of(SphericalWristLimb)

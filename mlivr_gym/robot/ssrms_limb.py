@@ -139,11 +139,6 @@ class SsrmsLimb(Limb):
             Capsule("wrist_3", (0.0, 0.0, -d6), (0.0, 0.0, -radius), radius),
         )
 
-    def farthest_flange(self, characteristic_length: float, w_m: float) -> float:
-        """Return an upper bound of the flange's distance from the mount where `w_m` is met [m]."""
-        flange = super().farthest_flange(characteristic_length, w_m)
-        return abs(self.d0) + flange if flange else 0.0
-
 
 SSRMS_LIMB = Struct.of(SsrmsLimb)
 """Fields of an `SsrmsLimb`."""

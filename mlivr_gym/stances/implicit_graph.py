@@ -9,11 +9,12 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
-from mlivr_gym.postures.candidate_poses import OPPOSED_HEIGHTS
-from mlivr_gym.postures.postures import Postures, PostureTable
+from mlivr_gym.postures.base_poses import OPPOSED_HEIGHTS
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import unlocked
+from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.parts import Progress
@@ -45,7 +46,7 @@ class ImplicitGraph(StanceGraph):
         len(self.pairs)  # raises an error at once if no two points may be held
         self._releases: dict[tuple[bytes, int], Any] = {}
         self._free_releases: dict[tuple[bytes, int], Any] = {}
-        self._forget_postures()
+        self._free_postures: dict[bytes, Postures] = {}
         self._sets: StanceSets | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -62,26 +63,20 @@ class ImplicitGraph(StanceGraph):
         found = NODE_TABLES.find(self) if is_stored else None
         self.table = found[1] if found else table
 
-    def _forget_postures(self) -> None:
-        """Forget the postures without obstacles."""
-        self._place_of: dict[bytes, int] = {}
-        self._free_postures = PostureTable(self.limbs)
-
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, see `StanceGraph.postures`; those of a few are kept."""
         rows = self.rows_of_points(stances)
-        if len(rows) > FEW:
+        if not 0 < len(rows) <= FEW:
             return super().postures(rows)
-        if self._free_postures.used > MOST_POSTURES:
-            self._forget_postures()
+        known = self._free_postures
+        if len(known) > MOST_POSTURES:
+            known.clear()
         keys = [row.tobytes() for row in rows]
-        new = {key: k for k, key in enumerate(keys) if key not in self._place_of}
+        new = [k for k, key in enumerate(keys) if key not in known]
         if new:
-            first = self._free_postures.used
-            self._free_postures.append(self.solver.solve(rows[list(new.values())]))
-            self._place_of |= {key: first + k for k, key in enumerate(new)}
-        index = np.array([self._place_of[key] for key in keys], dtype=np.int64)
-        return self.among_obstacles(rows, self._free_postures.take(index))
+            found = self.solver.solve(rows[new])
+            known |= {keys[k]: found.take(slice(n, n + 1)) for n, k in enumerate(new)}
+        return self.among_obstacles(rows, join(*(known[key] for key in keys)))
 
     @unlocked  # a thread computes them while a planner, which has the lock, waits for it
     def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:

@@ -10,7 +10,7 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.compiled.limb_branch_sets import has_bit, unpacked
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.postures.candidate_poses import bases_at
+from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.node_edges import row_of

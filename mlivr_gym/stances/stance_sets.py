@@ -1,6 +1,6 @@
 """Sets of points that the limbs of a robot may hold at once, in any order of the limbs.
 
-Every node holds such a set, see `postures.in_reach`, and a step changes one of its points. So the
+Every node holds such a set, see `postures.reach`, and a step changes one of its points. So the
 smallest number of changes between two sets is a lower bound of the steps of a path, and a stance
 that holds no such set is no node: searches of three limbs without a node table use both, and node
 tables are built from them. The sets of a map and robot are computed once and stored.
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry
-from mlivr_gym.postures import in_reach
+from mlivr_gym.postures import reach
 from mlivr_gym.stances.node_table import codes
 from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -171,6 +171,6 @@ def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
 
 
 SET_TABLES = TableFiles(
-    "sets", 6, zipfile.ZIP_STORED, _encode, _decode, source=Path(in_reach.__file__), is_shared=True
+    "sets", 6, zipfile.ZIP_STORED, _encode, _decode, source=Path(reach.__file__), is_shared=True
 )
 """Files of stance sets."""

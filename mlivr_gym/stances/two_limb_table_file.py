@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.compiled.kernels import threads
-from mlivr_gym.postures.candidate_poses import bases_at
+from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import Arrays, TableFiles, check_arrays

@@ -5,17 +5,13 @@ from itertools import permutations
 
 import numpy as np
 import pytest
-from arms import jacobian
 from paper import NO_COLLISIONS
 from random_steps import neighbouring_points
 from unequal_robots import unequal
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
-from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.link_frames import link_frames
 
 
 @pytest.fixture(scope="module", params=["mlivr3", "mlivr4", 3, 4])
@@ -120,26 +116,3 @@ def test_every_node_is_in_reach(collisions):
         assert graph.solver.in_reach(np.sort(stances[nodes], axis=1)).all()
         for k in nodes[:30]:
             assert graph.solver.in_reach(stances[k : k + 1], postures.base_position[k], 1e-6)[0]
-
-
-def test_no_flange_is_farther_than_the_bound_and_some_are_nearly():
-    """At random joint angles, for the manipulability of a node and for none."""
-    graph = stance_graph(robot="mlivr3", settings=NO_COLLISIONS)
-    robot, rng = graph.robot, np.random.default_rng(0)
-    for limb in (
-        robot.limb,
-        Limb(d1=0.1, a2=-0.3, a3=-0.5, d4=0.2, d5=0.15, d6=0.05),
-        Limb(d1=0.05, a2=-0.45, a3=-0.45, d4=0.5, d5=0.1, d6=0.5),  # reaches far across
-    ):
-        q = rng.uniform(-np.pi, np.pi, (40_000, 6))
-        scale = robot.characteristic_length
-        for angles in q[:20]:
-            definition = limb_manipulability(jacobian(limb, angles), scale)
-            assert closed_w_m(angles, limb, scale) == pytest.approx(definition, abs=1e-9)
-        w_m = closed_w_m(q, limb, scale)
-        for least in (0.0, 0.05, 0.1):
-            bound, some = limb.farthest_flange(scale, least), q[w_m >= least]
-            some = some[rng.choice(len(some), min(len(some), 3000), replace=False)]
-            away = np.linalg.norm(link_frames(limb, some)[:, 6, :3, 3], axis=1)
-            assert 0.85 * bound < away.max() <= bound
-    assert robot.limb.farthest_flange(robot.characteristic_length, 10.0) == 0.0

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from compiled import called
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_steps import neighbouring_points
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
-from mlivr_gym.postures.relabelling import first_limbs
+from mlivr_gym.postures.base_poses import first_limb
 
 
 @pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False), (4, True)])
@@ -46,6 +47,12 @@ def map_of(ids, places):
         for name, p in zip(ids, places.tolist(), strict=True)
     ]
     return GraspMap.from_dict({"points": points})
+
+
+def first_limbs(grasp_map, stances):
+    """Return the first limb of each stance."""
+    keys = np.empty((5, stances.shape[1]))
+    return np.array([called(first_limb)(grasp_map.positions, stance, keys) for stance in stances])
 
 
 def first_by_definition(positions):

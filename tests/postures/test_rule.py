@@ -10,6 +10,7 @@ from coal_ruler import grasps_of
 from compiled import called
 from oracle import flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
+from stance_axes import axes_of
 
 from mlivr_gym import Settings, State, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
@@ -19,7 +20,6 @@ from mlivr_gym.kinematics.holding import Holding, held_branches
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
-from mlivr_gym.postures.base_frames import base_frames
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb_dynamics import arm_limb
 from mlivr_gym.stances.random_states import random_stance
@@ -59,9 +59,7 @@ def candidates(graph, stance):
     grasp_map, robot = graph.grasp_map, graph.robot
     grasps, normals = grasp_map.positions[stance], grasp_map.normals[stance]
     centre, rail = grasps.mean(axis=0), grasp_map.rotations[stance[0], :, 0]
-    frame, out, line, opposed = (
-        a[0] for a in base_frames((grasps - centre)[None], normals[None], rail[None])
-    )
+    frame, out, line, opposed = axes_of(grasps - centre, normals, rail)
     assert not opposed
     whole, found = Settings().thresholds(robot.limbs)[1], []
     for roll, height in product(robot.rolls, robot.heights):

@@ -9,7 +9,7 @@ from small_tables import small_table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.compiled.limb_branch_sets import unpacked
-from mlivr_gym.postures.candidate_poses import bases_at
+from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_edges import (

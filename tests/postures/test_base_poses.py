@@ -1,11 +1,16 @@
-"""The body axes of a stance at roll zero, from their definition written out for one stance."""
+"""Base poses of stances: their axes by definition, and poses by number."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from stance_axes import axes_of
 
-from mlivr_gym.postures.base_frames import base_frames
+from mlivr_gym import stance_graph
+from mlivr_gym.postures.base_poses import bases_at
+from mlivr_gym.stances.random_states import random_state
 
 YAWS = np.linspace(-np.pi, np.pi, 20_001)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -27,15 +32,10 @@ def drawn(rng, limbs):
     return grasps - grasps.mean(axis=0), normals, unit(rejected(rng.normal(size=3), normals[0]))
 
 
-def only(found):
-    """Return the results for the only stance."""
-    return (part[0] for part in found)
-
-
 @given(SEEDS)
 def test_two_limbs_lie_along_the_line_of_their_grasps_under_their_normals(seed):
     grasps, normals, rail = drawn(np.random.default_rng(seed), 2)
-    axes, out, line, opposed = only(base_frames(grasps[None], normals[None], rail[None]))
+    axes, out, line, opposed = axes_of(grasps, normals, rail)
     along = unit(grasps[0] - grasps[1])
     above = rejected(normals.mean(axis=0), along)
     if opposed:
@@ -52,7 +52,7 @@ def test_two_limbs_lie_along_the_line_of_their_grasps_under_their_normals(seed):
 def test_the_yaw_of_more_limbs_fits_their_mounts_best(limbs, seed):
     """Compared with all yaws on a grid, about the mean normal and, in reverse order, against it."""
     grasps, normals, rail = drawn(np.random.default_rng(seed), limbs)
-    axes, out, _, opposed = only(base_frames(grasps[None], normals[None], rail[None]))
+    axes, out, _, opposed = axes_of(grasps, normals, rail)
     if opposed:
         return
     np.testing.assert_allclose(out, unit(normals.mean(axis=0)), atol=1e-12)
@@ -78,11 +78,11 @@ def test_between_opposite_walls_the_robot_stands_off_across_the_line():
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
     grasps = np.array([[0.1, 0.0, -1.0], [-0.1, 0.0, 1.0]])
     line, rail = unit(grasps[0]), np.array([1.0, 0.0, 0.0])
-    _, out, _, opposed = only(base_frames(grasps[None], normals[None], rail[None]))
+    _, out, _, opposed = axes_of(grasps, normals, rail)
     assert opposed
     np.testing.assert_allclose(out, unit(rejected(rail, line)), atol=1e-12)
     grasps = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    _, out, _, opposed = only(base_frames(grasps[None], normals[None], rail[None]))
+    _, out, _, opposed = axes_of(grasps, normals, rail)
     assert opposed
     np.testing.assert_allclose(out, np.cross(normals[0], rail), atol=1e-12)
 
@@ -91,5 +91,27 @@ def test_a_limb_over_the_centroid_has_the_rail_for_its_line():
     """Of three grasps the first lies in the middle of the others."""
     grasps = np.array([[0.0, 0.0, 0.0], [0.5, 0.2, 0.0], [-0.5, -0.2, 0.0]])
     normals, rail = np.tile([0.0, 0.0, 1.0], (3, 1)), np.array([0.0, 1.0, 0.0])
-    _, _, line, _ = only(base_frames(grasps[None], normals[None], rail[None]))
+    _, _, line, _ = axes_of(grasps, normals, rail)
     np.testing.assert_array_equal(line, rail)
+
+
+@pytest.mark.parametrize(
+    ("robot", "moved"), [("mlivr2", 0.0), ("mlivr2", 4e-8), ("mlivr3", 4e-8), ("mlivr4", 4e-8)]
+)
+def test_a_number_determines_the_base_pose_of_a_node_to_the_last_bit(small_map, robot, moved):
+    """Also with points moved by less than the rounded coordinates resolve."""
+    rng = np.random.default_rng(4)
+    places = small_map.positions + rng.uniform(-moved, moved, small_map.positions.shape)
+    graph = stance_graph(replace(small_map, positions=places), robot)
+    stances = np.array([random_state(graph, rng).stance for _ in range(15)])
+    postures = graph.nodes(stances)
+    assert len(set(postures.pose_number.tolist())) > 3
+    position, rotation = bases_at(graph.grasp_map, graph.robot, stances, postures.pose_number)
+    np.testing.assert_array_equal(position, postures.base_position)
+    np.testing.assert_array_equal(rotation, postures.base_rotation)
+    for stance, number, base in zip(
+        stances.tolist(), postures.pose_number.tolist(), postures.base_position, strict=True
+    ):
+        pose_number, _ = graph.solver.candidate_poses(stance)
+        apart = np.linalg.norm(pose_number - base, axis=1)
+        assert apart[number] < 1e-6
