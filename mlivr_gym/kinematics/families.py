@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
@@ -96,17 +98,23 @@ def branch_angles(
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame by joint angles [rad], shape (6,).
 
-    `frames`, shape (7, 4, 3): of links 0 (fixed) to 6 the origin [m] and axes x, y, z, z along the
-    joint; x and y of link 6 are any pair across the flange axis.
+    `frames`, shape (7, 4, 3): of links 0 (fixed) to 6, the flange, the origin [m] and axes x, y, z,
+    z along the joint.
     """
-    if arm.family == UR:
-        ur.link_frames(arm, q, frames)
-    elif arm.family == SPHERICAL_SHOULDER:
+    if arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder.link_frames(arm, q, frames)
     elif arm.family == NUMERIC:
         numeric.link_frames(arm, q, frames)
     else:
-        spherical_wrist.link_frames(arm, q, frames)
+        if arm.family == UR:
+            ur.link_frames(arm, q, frames)
+        else:
+            spherical_wrist.link_frames(arm, q, frames)
+        # These two closed forms leave out joint 6, which turns the flange about its axis.
+        c, s = np.cos(q[5]), np.sin(q[5])
+        for k in range(3):
+            x, y = frames[6, 1, k], frames[6, 2, k]
+            frames[6, 1, k], frames[6, 2, k] = c * x + s * y, c * y - s * x
 
 
 @kernel
