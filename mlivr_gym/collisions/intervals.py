@@ -30,7 +30,6 @@ from mlivr_gym.collisions.against_robot import (
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
-    RESTING,
     JointLine,
     LimbPlace,
     place_base,
@@ -228,9 +227,7 @@ def _compare(
 
 
 @kernel
-def _compare_base(
-    robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch
-) -> int:
+def _compare_base(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
     """Compare the body and the mounts with boxes."""
     leader, undecided = scratch.line.leader, False
     for c in range(robot.base_capsule_count):
@@ -309,7 +306,10 @@ def _compare_with_boxes(
         # Of what travels far only a collision in the middle can be told, without a wide search.
         is_far = max(at_a, at_b) > FAR
         moves = (0.0, 0.0) if is_far else (at_a, at_b)
-        axis, at_grasp = (out_of(base, a), out_of(base, b)), scratch.surface.applies and c >= limb.gripper
+        axis, at_grasp = (
+            (out_of(base, a), out_of(base, b)),
+            scratch.surface.applies and c >= limb.gripper,
+        )
         inner = capsule.radius + clearance
         result = compare_with_grid(axis, inner, moves, grid, scratch.surface, at_grasp)
         if result > UNDECIDED:

@@ -1,23 +1,21 @@
-"""Places of the robot on a line in joint space, and how far its shapes travel from there (compiled).
+"""Places of the robot on a line in joint space, and how far shapes travel from there (compiled).
 
 Every motion is made of pieces on which the joint angles of all limbs change linearly. A limb that
 holds a grasp, the leader, carries the base; without a leader the base rests.
 
-**Travel.** A point that is carried by a chain of joints is `p = T_1 .. T_n x`. Let joint j be turned
-by `d_j` against the middle of a piece. The difference of p from its place in the middle telescopes:
+**Travel.** A point that a chain of joints carries is `p = T_1 .. T_n x`. Let joint j be turned by
+`d_j` against the middle of a piece. The difference of p from its place in the middle telescopes:
 term j changes joint j alone, with the joints before it as they are, which keeps lengths, and those
 after it as in the middle. So p is displaced by at most `sum |d_j| r_j`, where `r_j` is its distance
 from axis j, **both in the middle**. The sum over the joints between two links bounds the
 displacement of a point of one as seen from the other; that over the joints of the leader from its
 grasp on, and then those of another limb, bounds it in the world. It is the bound of Schwarzer, Saha
-and Latombe (IEEE Transactions on Robotics 21, 2005), with radii of the present place.
+and Latombe (IEEE Transactions on Robotics 21, 2005), with the radii of the present place.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
-
-import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbModel
@@ -113,7 +111,7 @@ def place_axes(limb: LimbModel, to: LimbPlace) -> None:
 
 @kernel
 def travel(placed: LimbPlace, first: int, stop: int, p: Triple) -> float:
-    """Bound how far the joints `first` to `stop` - 1 of a limb, counted from 0, move a point [m]."""
+    """Bound how far joints `first` to `stop` - 1 of a limb, counted from 0, move a point [m]."""
     total = 0.0
     for j in range(first, stop):
         if placed.change[j] > 0.0:

@@ -22,14 +22,13 @@ from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NO, NONE, YES, has, has_branch, only
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
-from mlivr_gym.kinematics.base_path import comes_first
 from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, angles_at
-from mlivr_gym.kinematics.poses import Pose, vector
-from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.transitions.grasp_poses import folded, line_end
 from mlivr_gym.transitions.records import STORED_ALONE, StepContext, StepRecord, StepScratch
-from mlivr_gym.transitions.steps import TRIES, pairs_by_travel
+from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
 
 PLACES = 4
 """Places of a line at which `w_m` of the support is compared with the floor."""
@@ -215,7 +214,7 @@ def _on_lines(
     lines, world = scratch.line, context.world
     support, moving = 1 - step.limb, step.limb
     first_layer = world.first if step.recheck else EMPTY
-    count = list_lines(step, context, scratch)
+    count = lines_by_travel(step, context, scratch)
     for k in range(count if known >= 0 else min(count, TRIES)):
         pair = scratch.order[k]
         if known >= 0 and pair != known:
@@ -260,24 +259,10 @@ def is_clear(
     return True
 
 
-@kernel
-def list_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> int:
-    """List the lines along which a limb may swing, the shortest first; return how many."""
-    stances, robot, world = context.stances, context.robots[0], context.world
-    limb = robot.limbs[step.limb]
-    for side in range(2):
-        s = step.after if side else step.before
-        grasp = world.grasps[stances.points[s, step.limb]]
-        branch_set = stances.releases[s, step.limb].branches
-        base = stances.base[s]
-        scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, branch_set, side, scratch)
-    start = world.grasps[stances.points[step.before, step.limb]].point
-    end = world.grasps[stances.points[step.after, step.limb]].point
-    return pairs_by_travel(comes_first(vector(end), vector(start)), scratch)
-
-
 @entry
-def check_all_alone(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
+def check_all_alone(
+    start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any
+) -> None:
     """Check the steps of two limbs from `start` to `stop` - 1, rows of `StepRecord`."""
     for k in range(start, stop):
         check_alone(steps[k], context, scratch_rows[0])

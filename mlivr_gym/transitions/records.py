@@ -19,7 +19,6 @@ from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
 
-
 STORED_ALONE, STORED_FIRST = 1, 2
 """Values of `StepRecord.recheck`."""
 
@@ -95,8 +94,8 @@ class StepRecord(Record):
     fixed: bool
     """Whether the limbs are on just these branches, so that none is preferred."""
     recheck: int
-    """0 if the edge is not known; `STORED_ALONE` if only the swings that it is known by are checked;
-    `STORED_FIRST` if they are checked first."""
+    """0 if the edge is not known; `STORED_ALONE` if only the swings by which it is known are
+    checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
     on_arc: int
