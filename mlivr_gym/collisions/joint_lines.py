@@ -23,7 +23,7 @@ from mlivr_gym.collisions.placement import Shapes, capsule_axis, out_of_link
 from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.families import link_frames
+from mlivr_gym.kinematics.families import link_frames, turn_flange
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import Pose, cross, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -124,6 +124,7 @@ def travel(placed: LimbPlace, first: int, stop: int, p: Triple) -> float:
 def place_base(limb: LimbModel, placed: LimbPlace, grasp: Pose, base: Pose) -> None:
     """Compute the base in the world of a limb whose flange is at a grasp."""
     frames, mount = placed.frames, limb.mount
+    turn_flange(limb.arm, placed.q, frames)
     o = vector(mount.position)
     x, y, z = (
         minus(out_of(mount, vector(frames[FLANGE, 1])), o),

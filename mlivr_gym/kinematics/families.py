@@ -98,23 +98,29 @@ def branch_angles(
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame by joint angles [rad], shape (6,).
 
-    `frames`, shape (7, 4, 3): of links 0 (fixed) to 6, the flange, the origin [m] and axes x, y, z,
-    z along the joint.
+    `frames`, shape (7, 4, 3): of links 0 (fixed) to 6 the origin [m] and axes x, y, z, z along the
+    joint; x and y of link 6 are any pair across the flange axis.
     """
-    if arm.family == SPHERICAL_SHOULDER:
+    if arm.family == UR:
+        ur.link_frames(arm, q, frames)
+    elif arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder.link_frames(arm, q, frames)
     elif arm.family == NUMERIC:
         numeric.link_frames(arm, q, frames)
     else:
-        if arm.family == UR:
-            ur.link_frames(arm, q, frames)
-        else:
-            spherical_wrist.link_frames(arm, q, frames)
-        # These two closed forms leave out joint 6, which turns the flange about its axis.
-        c, s = np.cos(q[5]), np.sin(q[5])
-        for k in range(3):
-            x, y = frames[6, 1, k], frames[6, 2, k]
-            frames[6, 1, k], frames[6, 2, k] = c * x + s * y, c * y - s * x
+        spherical_wrist.link_frames(arm, q, frames)
+
+
+@kernel
+def turn_flange(arm: Arm, q: Array, frames: Array) -> None:
+    """Turn axes x and y of link 6, as `link_frames` gives them, to those of the flange."""
+    if arm.family == SPHERICAL_SHOULDER or arm.family == NUMERIC:
+        return
+    # The other closed forms leave out joint 6, which turns the flange about its axis.
+    c, s = np.cos(q[5]), np.sin(q[5])
+    for k in range(3):
+        x, y = frames[6, 1, k], frames[6, 2, k]
+        frames[6, 1, k], frames[6, 2, k] = c * x + s * y, c * y - s * x
 
 
 @kernel
