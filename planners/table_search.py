@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.check_budget import CheckBudget
@@ -121,11 +121,8 @@ class TableSearch(PathSearch):
         stages: tuple[SearchStage, ...] = STAGES
         first: tuple[SearchStage, ...] = (FIRST_PATH,)
         if lazy_table.label_independent:
-            stages = (
-                SearchStage(
-                    SearchParameters(search.cost_weight, check_when_popped=not is_complete)
-                ),
-            )
+            by_cost = SearchParameters(search.cost_weight, check_when_popped=not is_complete)
+            stages = (SearchStage(by_cost),)
             if search.heuristic != "relaxed":
                 yield self._lower_bounds.from_distance(search), stages
                 return
@@ -141,10 +138,8 @@ class TableSearch(PathSearch):
                 self._raise_lower_bound(known)
             bounds, by_weight = self._lower_bounds.from_distance(search), BY_WEIGHT.parameters
             if search.heuristic == "zero":
-                yield (
-                    bounds,
-                    (*(OBSTACLE_STAGES[:2] if self.graph.obstacles else ()), *EXACT_STAGES),
-                )
+                quick = OBSTACLE_STAGES[:2] if self.graph.obstacles else ()
+                yield bounds, (*quick, *EXACT_STAGES)
                 return
             by_weight = by_weight._replace(cost_weight=search.cost_weight)
             yield bounds, (BY_WEIGHT._replace(parameters=by_weight),)
@@ -157,8 +152,8 @@ class TableSearch(PathSearch):
             yield known, stages
             return
         if known is not None:
-            quick = first == (FIRST_PATH,) and goal.cost.base_weight
-            yield known, (QUICK_FIRST_PATH,) if quick else first
+            is_quick = first == (FIRST_PATH,) and goal.cost.base_weight
+            yield known, (QUICK_FIRST_PATH,) if is_quick else first
         if goal.cost.base_weight and not (lazy_table.label_independent or self.has_path):
             steps = replace(goal, cost=Cost.named("steps"))
             yield self._bounds(steps), first
@@ -188,7 +183,7 @@ class TableSearch(PathSearch):
                     return
                 self._check_nodes(rows[first : first + NODES_CHECKED_AROUND_GOAL])
             is_goal, chosen = bounds.h == 0.0, 2 * chosen
-            bounds = self._among_checked(steps.cost, is_goal)
+            bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts, self.clock)
             stage = stage._replace(max_searches=2 * (stage.max_searches or 1))
             yield bounds, (stage,)
 
@@ -220,10 +215,6 @@ class TableSearch(PathSearch):
         starts, known = self._origins.nodes, self._lower_bounds
         return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
-    def _among_checked(self, cost: Cost, goals: BoolArray) -> GoalBounds:
-        """Compute bounds from the origins over what is not known to be blocked."""
-        return self._lower_bounds.among_checked(cost, goals, self._origins.nodes, self.clock)
-
     @cached_property
     def _check_history(self) -> CheckHistory:
         """The history of checks, with three or four limbs among obstacles."""
@@ -237,7 +228,8 @@ class TableSearch(PathSearch):
 
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
-        rest = self._among_checked(self.goal.cost, goal_bounds.h == 0.0)
+        is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
+        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, starts, self.clock)
         return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))
 
     def _backward_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:

@@ -72,7 +72,7 @@ class Compared(Record):
     """Whether the first limb is compared with the limbs at rest."""
 
 
-class Interval(Record):
+class LineInterval(Record):
     """An interval of a line that is still to be checked, with the comparisons that remain."""
 
     middle: float
@@ -104,7 +104,7 @@ class LineScratch(Record):
     """Limbs in the middle of an interval."""
     base: Pose
     """Base there."""
-    intervals: Annotated[Rows[Interval], (MOST_HALVINGS + 2,)]
+    intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
     """Stack of intervals."""
     is_leader: bool
     """Whether it was the base or its leader, without the other limbs, that was not clear."""
@@ -137,7 +137,7 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
 
 
 @part
-def _start(robot: RobotModel, compared: Compared, interval: Interval) -> None:
+def _start(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
     """Set an interval to the whole line, with everything to be compared."""
     interval.middle = interval.half = 0.5
     for i in range(robot.limb_count):
@@ -153,7 +153,7 @@ def _start(robot: RobotModel, compared: Compared, interval: Interval) -> None:
 
 
 @part
-def _halve(first: Interval, second: Interval) -> None:
+def _halve(first: LineInterval, second: LineInterval) -> None:
     """Replace an interval by its first half, and set another one to its second half."""
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
@@ -165,7 +165,7 @@ def _halve(first: Interval, second: Interval) -> None:
 
 
 @part
-def _place(robot: RobotModel, interval: Interval, scratch: LineScratch) -> None:
+def _place(robot: RobotModel, interval: LineInterval, scratch: LineScratch) -> None:
     """Place the limbs and the base that an interval needs."""
     line, compared = scratch.line, scratch.compared
     in_world = interval.base
@@ -191,7 +191,7 @@ def _place(robot: RobotModel, interval: Interval, scratch: LineScratch) -> None:
 
 @part
 def _compare(
-    robot: RobotModel, grid: BoxGrid, clearance: float, interval: Interval, scratch: LineScratch
+    robot: RobotModel, grid: BoxGrid, clearance: float, interval: LineInterval, scratch: LineScratch
 ) -> int:
     """Make the comparisons that remain for an interval, and remove those that are clear.
 
@@ -203,27 +203,27 @@ def _compare(
         if result > UNDECIDED:
             return result
         interval.base = result == UNDECIDED
-    leader, left = scratch.line.leader, interval.base
+    leader, undecided = scratch.line.leader, interval.base
     if leader >= 0:
         result = _compare_limb(leader, robot, grid, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
-        left = left or result == UNDECIDED
-    leads = left
+        undecided = undecided or result == UNDECIDED
+    leads = undecided
     scratch.is_leader = False
     for i in range(robot.limb_count):
         if i != leader:
             result = _compare_limb(i, robot, grid, clearance, interval, scratch)
             if result > UNDECIDED:
                 return result
-            left = left or result == UNDECIDED
+            undecided = undecided or result == UNDECIDED
     if interval.limbs:
         result = _compare_others(robot, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
-        left = left or result == UNDECIDED
+        undecided = undecided or result == UNDECIDED
     scratch.is_leader = leads
-    return UNDECIDED if left else CLEAR
+    return UNDECIDED if undecided else CLEAR
 
 
 @kernel
@@ -254,7 +254,7 @@ def _compare_limb(
     robot: RobotModel,
     grid: BoxGrid,
     clearance: float,
-    interval: Interval,
+    interval: LineInterval,
     scratch: LineScratch,
 ) -> int:
     """Compare one limb with boxes, itself and the body."""
@@ -277,8 +277,8 @@ def _compare_limb(
         )
         if result > UNDECIDED:
             return result
-    left = interval.boxes[i] != 0 or interval.itself[i] != 0 or interval.body[i] != 0
-    return UNDECIDED if left else CLEAR
+    undecided = interval.boxes[i] != 0 or interval.itself[i] != 0 or interval.body[i] != 0
+    return UNDECIDED if undecided else CLEAR
 
 
 @kernel
@@ -346,7 +346,7 @@ def _compare_with_itself(
 
 @kernel
 def _compare_others(
-    robot: RobotModel, clearance: float, interval: Interval, scratch: LineScratch
+    robot: RobotModel, clearance: float, interval: LineInterval, scratch: LineScratch
 ) -> int:
     """Compare the first limb with the second one, or with the limbs at rest."""
     compared, resting = scratch.compared, scratch.resting

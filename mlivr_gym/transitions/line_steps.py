@@ -19,7 +19,18 @@ from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import LineScratch, check_line
 from mlivr_gym.collisions.joint_lines import jacobian_determinant, place_axes
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NO, NONE, YES, has, has_branch, only
+from mlivr_gym.compiled.bit_sets import (
+    BRANCHES,
+    EMPTY,
+    NO,
+    NONE,
+    YES,
+    code_of,
+    has,
+    has_branch,
+    only,
+    with_code,
+)
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
 from mlivr_gym.kinematics.families import SINGULAR_TOO
@@ -39,12 +50,6 @@ share; the line of the edge; none."""
 
 SAME_LINE = 1e-9
 """Turns of joint 6 that differ by less are equal [rad]."""
-
-
-@kernel
-def code_of(codes: int, branch: int) -> int:
-    """Return the code of the swing of a branch, four bits of a number."""
-    return (codes >> (4 * branch)) & 15
 
 
 @kernel
@@ -142,8 +147,7 @@ def _keep(branch: int, flip: int, code: int, step: StepRecord) -> None:
     if has_branch(step.kept[support], branch) and code_of(step.swings, branch) != code:
         code = OTHER_FOLD
     step.kept[support] |= only(branch + BRANCHES * flip)
-    step.swings &= ~(15 << (4 * branch))
-    step.swings |= code << (4 * branch)
+    step.swings = with_code(step.swings, branch, code)
 
 
 @kernel
