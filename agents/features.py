@@ -155,6 +155,7 @@ def point_lookahead(
     return np.concatenate([out, arrivals], axis=2)
 
 
+@checked()
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
     """Return the features of states of an environment, by default of its present state."""
     graph = env.graph
@@ -285,6 +286,7 @@ class PointObservation(
         assert isinstance(inner, MlivrEnv)
         self.observation_space = point_space(inner)
 
+    @checked()
     def observation(self, observation: Observation) -> Features:
         """Return the features of the present state, without a batch axis."""
         inner = self.env.unwrapped

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mlivr_gym.arguments import InstanceOf
+from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
@@ -17,12 +17,12 @@ from mlivr_gym.envs.rewards import BaseReward, StepReward
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.planners.baselines import BASELINE, find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.costs import COST_KINDS, Cost
+from mlivr_gym.planners.query import QUERY, Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
-from mlivr_gym.schema import FieldPath, Flag
+from mlivr_gym.schema import FieldPath
 from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -51,10 +51,12 @@ class Policy(Protocol):
 class RandomPolicy(Independent):
     """Policy that draws uniformly from the valid actions."""
 
+    @checked({"seed": SEED})
     def __init__(self, seed: int = 0) -> None:
         """Start the random numbers from a seed."""
         self._rng = np.random.default_rng(seed)
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return a random valid action; see `Policy.act`."""
         return int(self._rng.choice(np.flatnonzero(mask))) if mask.any() else 0
@@ -78,6 +80,7 @@ class ExpertPolicy(Independent):
     True
     """
 
+    @checked()
     def __init__(self, expect_failures: bool = True) -> None:
         """Start without tables; that of a goal is computed when the goal first occurs.
 
@@ -88,6 +91,7 @@ class ExpertPolicy(Independent):
         self._moves: TableMoves | None = None
         self._key: tuple[bytes, float, bytes] = b"", 0.0, b""
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return an optimal action for the reward of the environment, the first one if several are.
 
@@ -110,6 +114,7 @@ class ExpertPolicy(Independent):
         # If no action leads to the goal, the first valid one is taken.
         return int(np.argmax(mask & (costs <= costs.min() + 1e-9)))
 
+    @checked()
     def costs(self, env: MlivrEnv) -> Array:
         """Return the least expected cost of a plan that begins with each action, shape (2 m,).
 
@@ -148,21 +153,17 @@ class LookingPolicy(Independent):
     `failure_probability` are what the robot knows.
     """
 
+    @checked()
     def __init__(self, policy: Policy, looks: bool = True) -> None:
-        """Take the policy that chooses the steps.
+        """Take the policy that chooses the steps."""
+        self.policy, self.looks = policy, looks
 
-        Raises a `SettingError` if it has no method `act`, or `looks` is neither True nor False.
-        """
-        if not callable(getattr(policy, "act", None)):
-            raise FieldPath("policy", SettingError).refused(policy, "a Policy, with a method `act`")
-        self.policy, self.looks = policy, Flag().read(looks, FieldPath("looks", SettingError))
-
+    @checked({"env": InstanceOf(UnknownMapEnv)})
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
         Raises a `SettingError` if the environment is not an `UnknownMapEnv`.
         """
-        InstanceOf(UnknownMapEnv).read(env, FieldPath("env", SettingError))
         assert isinstance(env, UnknownMapEnv)
         if not mask[:-1].any():
             return len(mask) - 1
@@ -178,11 +179,13 @@ class ReplanningPolicy(Independent):
     It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
     """
 
+    @checked(COST_KINDS)
     def __init__(self, cost: str = "steps", **options: Any) -> None:
         """Plan with a cost, and further arguments of `Planner.plan`."""
         self._cost, self._options = cost, options
         self._planner: Planner | None = None
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
@@ -225,6 +228,7 @@ class PlanPolicy(Independent):
     number of plans made so far.
     """
 
+    @checked()
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
         """Take a function that returns the actions from the present state to the goal, or None."""
         self._find = find
@@ -233,6 +237,7 @@ class PlanPolicy(Independent):
         self._goal, self._version = b"", -1
         self.plans = 0
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the next action of the plan, or an invalid action if no plan is found."""
         known = env.goal.tobytes() == self._goal and env.graph.version == self._version
@@ -242,12 +247,13 @@ class PlanPolicy(Independent):
             self.plans += 1
         if not self._actions:
             self._expected = None
-            return int(np.flatnonzero(~mask)[0])
+            return int(np.argmin(mask))
         action = self._actions.pop()
         self._expected = env.state.stance_after(*divmod(action, len(env.graph.grasp_map)))
         return action
 
 
+@checked(QUERY)
 def planner_policy(
     cost: str = "steps", method: str = "astar", planner: Planner | None = None, **options: Any
 ) -> PlanPolicy:
@@ -270,6 +276,7 @@ def planner_policy(
     return PlanPolicy(_Planned(planner, cost, method, options))
 
 
+@checked(BASELINE)
 def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
     """Return a policy that follows the action sequences of a method of `planners.baselines`.
 

@@ -149,9 +149,21 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
     except MlivrError as error:
         print(f"mlivr-gym: {error}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+        message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
+        print(f"mlivr-gym: {message}", file=sys.stderr)
+        return FAILED, message
     except KeyboardInterrupt as stop:
         print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether memory was missing: for data, a library that is loaded, or a thread."""
+    told = ("failed to map segment", "cannot allocate memory", "can't start new thread")
+    return isinstance(error, MemoryError) or any(one in str(error).lower() for one in told)
 
 
 def json_value(value: Any) -> Any:

@@ -118,6 +118,7 @@ class ActionMaskObservation(
             {**inner.spaces, "action_mask": spaces.MultiBinary(int(actions.n))}
         )
 
+    @checked()
     def observation(self, observation: Observation) -> dict[str, Any]:
         """Return the observation with the action mask."""
         mask: BoolArray = self.get_wrapper_attr("action_masks")()

@@ -230,6 +230,7 @@ def _labelled(
 class SceneWindow:
     """Window of MuJoCo's viewer that shows configurations of a robot among `obstacles`."""
 
+    @checked(ARGUMENTS)
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
     ) -> None:

@@ -178,6 +178,7 @@ class ImplicitGraph(StanceGraph):
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        self.check_stance(stance)
         stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)

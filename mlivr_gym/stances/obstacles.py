@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,6 +24,7 @@ from mlivr_gym.schema import FieldPath, ListOf, OrNone, Text
 from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import Locked, new_lock
 from mlivr_gym.transitions.step_check import StepChecks
+from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.given_points import STANCE
 from mlivr_gym.world.grasp_map import GraspMap
@@ -44,8 +46,9 @@ IDS = ListOf(Text())
 
 
 def _points(value: object, place: FieldPath) -> tuple[str | int, ...]:
-    is_text = isinstance(value, (str, bytes))
-    return STANCE.read(list(value) if isinstance(value, Iterable) and not is_text else value, place)
+    if isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
+        value = list(islice(value, MAX_PARTS + 1))  # some never end
+    return STANCE.read(value, place)
 
 
 POINTS = Reader(_points)

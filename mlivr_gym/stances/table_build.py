@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_build import build
@@ -28,6 +29,7 @@ def files_of(graph: TableGraph) -> TableFiles[Any]:
     return TWO_LIMB_TABLES if isinstance(graph, TwoLimbGraph) else NODE_TABLES
 
 
+@checked()
 def find_table(graph: TableGraph) -> tuple[Path | None, Any] | None:
     """Return the table that ships or was built for a graph and its file; None if there is none.
 
@@ -51,6 +53,7 @@ def _use(graph: TableGraph, table: Any) -> None:
             graph.is_complete = True
 
 
+@checked()
 def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | None:
     """Build the table of a stance graph once, and store it where graphs find it.
 

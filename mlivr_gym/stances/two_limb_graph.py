@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
@@ -256,6 +257,7 @@ class TwoLimbGraph(StanceGraph):
         s = self.find(stance)
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
 
+    @checked()
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
         rows = np.array([self.find(state.stance) if state.pose is None else -1 for state in states])
@@ -301,6 +303,7 @@ class TwoLimbGraph(StanceGraph):
         support = 1 - moving_limb(state.stance, tuple(after))
         return self._known.edge(state.branch_sets[support], support, s0, s1)
 
+    @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
         """Return a state and those after steps from it, see `StanceGraph.states_along`."""
         self.check(state)
@@ -315,6 +318,8 @@ class TwoLimbGraph(StanceGraph):
 
     def _state_after_step(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a stance, None without such a step."""
+        self.check(state)
+        self.check_stance(after)
         if (np.array(state.stance) != after).sum() != 1:
             return None
         limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2
@@ -323,6 +328,7 @@ class TwoLimbGraph(StanceGraph):
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
 
+    @checked(late=True)
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether the support limb could be released after each step, shape (k,)."""
         states = [steps.after(state, k) for k in range(len(steps.limb))]
@@ -339,6 +345,7 @@ class TwoLimbGraph(StanceGraph):
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        self.check_stance(stance)
         chosen = np.concatenate([self.stances_with(1 - i, stance[1 - i]) for i in range(2)])
         chosen = chosen[(self.points[chosen] != stance).any(axis=1)]
         postures = self.node_postures(chosen)

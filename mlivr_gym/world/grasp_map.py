@@ -123,7 +123,7 @@ class GraspMap(EqualByData):
             positions=self.positions[chosen],
             rotations=self.rotations[chosen],
             faces=tuple(self.faces[i] for i in chosen),
-            name=name or self.name,
+            name=self.name if name is None else name,
         )
 
     @checked({"seed": SEED, "keep": STANCE, "clear_deck": OrNone(Tuples((2,)))})

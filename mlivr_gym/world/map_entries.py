@@ -114,11 +114,11 @@ POINTS = Fields(
 
 def whole_fields(given: Mapping[str, Any], place: FieldPath) -> dict[str, Any]:
     """Return the fields of a `GraspMap` as `POINTS` reads them, checked against each other."""
-    if not len(given["ids"]):
-        raise place.fault("has no graspable point")
     found = {
         name: kind.read(given[name], place.field(name)) for name, kind in POINTS.required.items()
     }
+    if not found["ids"]:
+        raise place.fault("has no graspable point")
     check_unique(found["ids"], "point", MapError)
     check_unique([box.id for box in found["boxes"]], "box", MapError)
     count = len(found["ids"])
