@@ -29,6 +29,7 @@ from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.path_dynamics import sampled_times
 from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import BOX, Box, scene_name
@@ -190,7 +191,7 @@ def limb_trajectory(
     period, parts = Physics().timestep, list[Array]()
     holding = [i for i in range(robot.limbs) if i != limb]
     for first, last in pairwise(knots):
-        s = np.linspace(0.0, 1.0, LINE_SAMPLES)
+        s = sampled_times(quintic(1.0))
         rows = _rows(joints, limb, (first, last), quintic(1.0), s)
         where = np.tile(np.concatenate([position, quaternion]), (len(s), 1))
         moving = np.pad(rows[1:].reshape(2, len(s), -1), ((0, 0), (0, 0), (6, 0)))

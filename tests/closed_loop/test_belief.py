@@ -8,7 +8,8 @@ from mlivr_gym import Box
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.hit_cubes import CAUTIONS, CUBE, outermost
-from mlivr_gym.closed_loop.path_check import HORIZON
+from mlivr_gym.closed_loop.path_check import HORIZON, robot_axes, robot_radii
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.simulation.scene import set_configuration
@@ -229,3 +230,23 @@ def test_what_is_refused_is_not_taken_in_at_all(seen, plan):
     assert not belief.refused | belief.avoided
     assert belief.add_hits(np.zeros((0, 3)), here) == 0  # all rays hit nothing
     assert not belief.boxes()
+
+
+def test_what_is_at_the_robot_itself_is_no_obstacle(seen, plan):
+    """Up to half the diagonal of a cube, the margin and the clearance from its capsules."""
+    belief, here, rng = seen(times=0), plan.configuration(0), np.random.default_rng(9)
+    shapes = LimbShapes(belief.graph.robot)
+    axes = robot_axes(belief.graph.robot, shapes, here)
+    begin, end, radii = axes[:, 0], axes[:, 1], robot_radii(shapes)
+    near = begin[rng.integers(len(axes), size=4000)] + rng.normal(0.0, 0.12, (4000, 3))
+    belief.add_hits(np.repeat(near, 2, axis=0), here)
+    solid = belief._seen.is_solid
+    centres = belief._seen.middles(belief._seen.rows["cell"])
+    share = np.linspace(0.0, 1.0, 400)[:, None, None]
+    samples = (begin + share * (end - begin)).reshape(-1, 3)
+    away = np.linalg.norm(centres[:, None] - samples, axis=2) - np.tile(radii, 400)
+    excess = away.min(axis=1) - (0.5 * np.sqrt(3.0) * CUBE + 0.01 + 0.02)
+    there = belief._apart_from(here)
+    clear = np.abs(excess) > 1e-4
+    assert (there == (solid & (excess > 0.0)))[clear].all()
+    assert (solid & (np.abs(excess) < 0.01)).sum() > 20

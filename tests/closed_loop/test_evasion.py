@@ -1,9 +1,11 @@
 """Ways out of the lanes of crew members, against all sequences of steps on a small graph."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from recordings import resting
 
 from mlivr_gym.closed_loop import evasion
 from mlivr_gym.closed_loop.crew import CrewMember, distance_from_crew
@@ -131,3 +133,24 @@ def test_a_rest_is_safe_until_who_comes_is_as_near_as_allowed(among_crew, checke
     assert first > 1.0
     found = ways._safe_until(rest, 0.0, kept)
     assert first - 0.02 <= found <= first + evasion.PERIOD + 0.02
+
+
+def test_the_distance_during_a_recording_is_the_least_of_all_its_samples(
+    among_crew, checked_graph, walk
+):
+    ways, _, member = among_crew
+    trajectory = step_trajectory(checked_graph, walk, 0, Limits(), period=0.02)
+    recording = replace(
+        resting(len(trajectory.times)),
+        times=2.0 + trajectory.times,
+        base_positions=trajectory.base_positions,
+        base_quaternions=trajectory.base_quaternions,
+        joint_positions=trajectory.joint_positions,
+    )
+    shapes, apart = LimbShapes(checked_graph.robot), []
+    for k, time in enumerate(recording.times):
+        axes = robot_axes(checked_graph.robot, shapes, trajectory.configuration(k))
+        apart.append(distance_from_crew(axes[None], ways._radii, [member], np.array([time]))[0])
+    # In the time between two samples both move by a centimetre or two.
+    assert min(apart) <= ways.distance_during(recording) <= min(apart) + 0.02
+    assert np.max(apart[-50:]) > min(apart) + 0.1

@@ -216,3 +216,32 @@ def test_a_pose_at_a_displaced_point_is_as_it_was_at_the_point(simulation):
     here = position - simulation.grasp_map.positions[point]
     np.testing.assert_allclose(turn.T @ (found - grippers._positions[point]), here)
     np.testing.assert_allclose(turn.T @ turned, rotation)
+
+
+def test_the_module_feels_the_opposite_of_all_grasps(simulation):
+    """Force, and torque about the origin, of random loads in the axes of random anchors."""
+    rng, instruments = np.random.default_rng(6), simulation._instruments
+    forces, torques = rng.normal(size=(2, 4, 2, 3))
+    turns, places = Rotation.random(2, rng=rng), rng.uniform(-3, 3, (2, 3))
+    simulation.model.body_pos[instruments._anchors] = places
+    simulation.model.body_quat[instruments._anchors] = turns.as_quat(scalar_first=True)
+    found = instruments._on_module(forces, torques)
+    for k in range(4):
+        force, torque = np.zeros(3), np.zeros(3)
+        for limb in range(2):
+            pull = turns[limb].apply(forces[k, limb])
+            force -= pull
+            torque -= turns[limb].apply(torques[k, limb]) + np.cross(places[limb], pull)
+        np.testing.assert_allclose(found["module_forces"][k], force)
+        np.testing.assert_allclose(found["module_torques"][k], torque)
+
+
+def test_cameras_without_noise_find_the_errors_of_encoders(simulation, checked_graph, plan):
+    trajectory = step_trajectory(checked_graph, plan, 0, Durations(), period=0.5)
+    localisation, bias = simulation._localisation, simulation.disturbance.encoder_bias / 4.0
+    localisation._noise = np.zeros(6)
+    base, joints = simulation.data.qpos[:7].copy(), simulation.data.qpos[7:].copy()
+    for _ in range(1000):
+        localisation.measure(base, joints + bias.ravel(), trajectory, 0)
+    assert np.abs(bias).max() > 0.004
+    np.testing.assert_allclose(localisation.encoder_errors, bias, atol=2e-4)
