@@ -28,7 +28,7 @@ lint: $(VENV)/.dev
 types: $(VENV)/.dev
 	$(BIN)/mypy
 
-# One worker a core; tests of one file stay together, since they share what they set up.
+# As many workers as cores and memory allow (tests/support/machine.py); tests of one file stay together, since they share what they set up.
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 

@@ -13,10 +13,12 @@ import numpy as np
 
 from mlivr_gym import __version__
 from mlivr_gym.agents.policies import ExpertPolicy
+from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extras import require
+from mlivr_gym.schema import Integer
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 REQUIRED_PACKAGES = ("minari", "h5py", "jax")
@@ -34,6 +36,7 @@ DESCRIPTION = (
 """Description in the metadata of every data set."""
 
 
+@checked({"episodes": Integer(1, 10**9), "seed": SEED})
 def write_dataset(
     dataset_id: str,
     episodes: int,
@@ -100,6 +103,7 @@ def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
         done = terminated or truncated
 
 
+@checked()
 def load_dataset(dataset_id: str) -> Any:
     """Return a data set that `write_dataset` wrote, a `minari.MinariDataset`.
 

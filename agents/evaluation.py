@@ -6,16 +6,19 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.agents.policies import Policy
+from mlivr_gym.arguments import SEED, InstanceOf, Reader, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import FieldPath
+from mlivr_gym.schema import Anything, FieldPath, Integer, ListOf
 from mlivr_gym.transitions.state import State
+from mlivr_gym.values import MAX_POINTS
 
 
 class EvaluationTask(NamedTuple):
@@ -56,6 +59,17 @@ class Evaluation:
         return float(self.success.mean())
 
 
+EPISODES = Reader(
+    lambda value, place: (
+        ListOf(InstanceOf(EvaluationTask), 1, MAX_POINTS).read(value, place)
+        if isinstance(value, (list, tuple))
+        else Integer(1, 10**9).read(value, place)
+    )
+)
+"""Validator of a number of episodes, or of their tasks."""
+
+
+@checked({"env": Anything(), "episodes": EPISODES, "seed": SEED, "max_steps": Integer(0, 10**9)})
 def evaluate(
     env: MlivrEnv,
     policy: Policy,
@@ -103,9 +117,7 @@ def evaluate(
     if not isinstance(env, MlivrEnv):
         place = FieldPath("env", SettingError)
         raise place.refused(env, "a MlivrEnv without wrappers, as env.unwrapped is")
-    tasks = [None] * episodes if isinstance(episodes, int) else list(episodes)
-    if not tasks:
-        raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
+    tasks = repeat(None, episodes) if isinstance(episodes, int) else episodes
     rows: list[tuple[float, ...]] = []
     before = env.graph.ids(sorted(env.graph.occupied))
     try:

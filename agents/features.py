@@ -19,6 +19,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.wrappers import WRAPPED_ENV
+from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
@@ -154,6 +155,7 @@ def point_lookahead(
     return np.concatenate([out, arrivals], axis=2)
 
 
+@checked()
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
     """Return the features of states of an environment, by default of its present state."""
     graph = env.graph
@@ -263,7 +265,7 @@ class TableFeatures:
 
 
 class PointObservation(
-    gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
+    Independent, gymnasium.ObservationWrapper[Any, Any, Any], gymnasium.utils.RecordConstructorArgs
 ):
     """Wrapper whose observations are the features of the pointer network, `point_features`.
 
@@ -284,6 +286,7 @@ class PointObservation(
         assert isinstance(inner, MlivrEnv)
         self.observation_space = point_space(inner)
 
+    @checked()
     def observation(self, observation: Observation) -> Features:
         """Return the features of the present state, without a batch axis."""
         inner = self.env.unwrapped

@@ -10,10 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError, choice
 from mlivr_gym.files import load
 from mlivr_gym.schema import (
+    Choice,
     FieldPath,
     Fields,
     Flag,
@@ -163,6 +165,7 @@ def fill_dagger(method: str, given: dict[str, Any]) -> dict[str, Any]:
     return given | {"imitation": given["imitation"] | {"dagger": dagger}}
 
 
+@checked({"method": Choice(METHODS)})
 def load_hyperparameters(method: str, path: str | Path | None = None) -> dict[str, Any]:
     """Return the hyperparameters of a method from a JSON file, by default from the package.
 

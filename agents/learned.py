@@ -15,14 +15,16 @@ from mlivr_gym.agents.features import env_features, point_space
 from mlivr_gym.agents.hyperparameters import SIZES
 from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_critic
 from mlivr_gym.agents.policies import PlanPolicy
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observation_space
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError, SettingError, shortened
-from mlivr_gym.files import checksum, load, write_whole
-from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields
+from mlivr_gym.files import checksum, load, write_whole, written_together
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Integer
 from mlivr_gym.settings import GRAPH_RULES, check_rules
+from mlivr_gym.sharing import Independent
 from mlivr_gym.transitions.state import State
 
 PRETRAINED = "pointer"
@@ -40,12 +42,18 @@ every logit is finite; larger weights may overflow single precision. Those that 
 1.3.
 """
 
+NETWORK = Choice(tuple(SIZES.optional))
+"""Validator of the name of a network."""
+
+BEAM = {"width": Integer(1, 10_000), "max_steps": Integer(1, 10_000)}
+"""Validators of the figures of a beam search."""
+
 MADE_FOR = Fields({"name": NAME, "fingerprint": NAME})
 """Validator of the name and fingerprint of a map, a robot or an observation."""
 
 CHECKPOINT = Fields(
     {
-        "network": Choice(tuple(SIZES.optional)),
+        "network": NETWORK,
         "sizes": Anything(),
         **dict.fromkeys(("map", "robot", "observation"), MADE_FOR),
     },
@@ -58,7 +66,7 @@ class CheckpointError(MlivrError):
     """A checkpoint cannot be read or does not fit the environment."""
 
 
-class LearnedPolicy:
+class LearnedPolicy(Independent):
     """Policy that takes the most probable of the actions that lead to a new stance.
 
     New are stances that were not visited since the episode began or the graph last changed; if
@@ -69,6 +77,7 @@ class LearnedPolicy:
     training, as in the file; empty if the policy was not loaded or trained here.
     """
 
+    @checked({"network": NETWORK})
     def __init__(
         self, actor_critic: Any, network: str, config: dict[str, Any] | None = None
     ) -> None:
@@ -76,6 +85,7 @@ class LearnedPolicy:
         self.actor_critic, self.network, self.config = actor_critic, network, config or {}
         self._visited, self._version = set[tuple[int, ...]](), 0
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`."""
         logits = self.logits(env, observation)
@@ -95,6 +105,7 @@ class LearnedPolicy:
                 fresh[limb * len(env.graph.grasp_map) + point] = -np.inf
         return int((fresh if np.isfinite(fresh).any() else logits).argmax())
 
+    @checked()
     def logits(self, env: MlivrEnv, observation: Observation) -> NDArray[np.float32]:
         """Return the logit of each action in the present state, valid or not, shape (N m,)."""
         seen = (
@@ -108,6 +119,7 @@ class LearnedPolicy:
         return found
 
 
+@checked(BEAM)
 def beam_search(
     policy: LearnedPolicy, env: MlivrEnv, width: int, max_steps: int = 60
 ) -> list[int] | None:
@@ -150,6 +162,7 @@ def beam_search(
     return None
 
 
+@checked(BEAM)
 def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
     """Return a policy that follows the action sequences of a `beam_search` of some width.
 
@@ -162,8 +175,9 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
     return PlanPolicy(lambda env: beam_search(policy, env, width))
 
 
+@checked({"actor_critic": InstanceOf(torch.nn.Module)})
 def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> None:
-    """Write the weights to `PATH.pt` and the configuration to `PATH.json`.
+    """Write the weights to `PATH.pt` and the configuration to `PATH.json`, both or none.
 
     Loading needs `network`, `sizes` and the result of `made_for` in the configuration; format,
     number of the graph's rules and checksum are added here. Raises a `FileError` if a file cannot
@@ -175,10 +189,12 @@ def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> 
     config = config | {"format": FORMAT, "rules": GRAPH_RULES}
     config.pop("checksum", None)  # that of the file from which the configuration was read
     config |= {"checksum": checksum(config, weights)}
-    write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
-    write_whole(path.with_suffix(".pt"), weights)
+    with written_together():
+        write_whole(path.with_suffix(".json"), json.dumps(config, indent=1) + "\n")
+        write_whole(path.with_suffix(".pt"), weights)
 
 
+@checked({"network": NETWORK})
 def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
     """Return name and fingerprint of the map, the robot and the observation that a network is for.
 
@@ -194,6 +210,7 @@ def made_for(env: MlivrEnv, network: str) -> dict[str, dict[str, str]]:
     }
 
 
+@checked()
 def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
     """Return the policy of a checkpoint, ready to act in an environment.
 
@@ -222,7 +239,7 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
 
         config = load(file.with_suffix(".json"), "checkpoint", CheckpointError, build)
         _check_made_for(config, made_for(env, config["network"]), prefix)
-        weights = torch.load(io.BytesIO(read[0]), map_location="cpu", weights_only=True)
+        weights = _weights(read[0], prefix)
         actor_critic = make_actor_critic(env, config["network"], config["sizes"])
         if _shapes(weights) != _shapes(actor_critic.state_dict()):
             raise CheckpointError(
@@ -238,6 +255,23 @@ def load_policy(path: str | Path, env: MlivrEnv) -> LearnedPolicy:
         raise CheckpointError(f"{prefix}: {reason}") from None
     actor_critic.set_training_mode(False)
     return LearnedPolicy(actor_critic, config["network"], config)
+
+
+def _weights(content: bytes, prefix: str) -> dict[str, Any]:
+    """Return the tensors of a file by name; raise a `CheckpointError` if it holds anything else.
+
+    The reason of torch is not quoted, since it advises to load the file all the same.
+    """
+    try:
+        weights = torch.load(io.BytesIO(content), map_location="cpu", weights_only=True)
+    except Exception:  # torch raises many types of errors
+        weights = None
+    if isinstance(weights, dict) and all(map(torch.is_tensor, weights.values())):
+        return weights
+    raise CheckpointError(
+        f"{prefix}: its file of weights is damaged or holds other things than tensors; "
+        "train it again"
+    )
 
 
 def _shapes(weights: dict[str, Any]) -> dict[str, tuple[int, ...]]:

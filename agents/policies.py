@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
 
-from mlivr_gym.arguments import InstanceOf
+from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
@@ -15,12 +17,13 @@ from mlivr_gym.envs.rewards import BaseReward, StepReward
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.baselines import find_walk
+from mlivr_gym.planners.baselines import BASELINE, find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.costs import COST_KINDS, Cost
+from mlivr_gym.planners.query import QUERY, Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
-from mlivr_gym.schema import FieldPath, Flag
+from mlivr_gym.schema import FieldPath
+from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -45,19 +48,21 @@ class Policy(Protocol):
         ...
 
 
-class RandomPolicy:
+class RandomPolicy(Independent):
     """Policy that draws uniformly from the valid actions."""
 
+    @checked({"seed": SEED})
     def __init__(self, seed: int = 0) -> None:
         """Start the random numbers from a seed."""
         self._rng = np.random.default_rng(seed)
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return a random valid action; see `Policy.act`."""
         return int(self._rng.choice(np.flatnonzero(mask))) if mask.any() else 0
 
 
-class ExpertPolicy:
+class ExpertPolicy(Independent):
     """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
     It is for two limbs, and for the rewards `"steps"` and `"base"`. Where grasps may fail, the cost
@@ -75,6 +80,7 @@ class ExpertPolicy:
     True
     """
 
+    @checked()
     def __init__(self, expect_failures: bool = True) -> None:
         """Start without tables; that of a goal is computed when the goal first occurs.
 
@@ -85,6 +91,7 @@ class ExpertPolicy:
         self._moves: TableMoves | None = None
         self._key: tuple[bytes, float, bytes] = b"", 0.0, b""
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return an optimal action for the reward of the environment, the first one if several are.
 
@@ -107,6 +114,7 @@ class ExpertPolicy:
         # If no action leads to the goal, the first valid one is taken.
         return int(np.argmax(mask & (costs <= costs.min() + 1e-9)))
 
+    @checked()
     def costs(self, env: MlivrEnv) -> Array:
         """Return the least expected cost of a plan that begins with each action, shape (2 m,).
 
@@ -138,28 +146,24 @@ def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
     return env.graph
 
 
-class LookingPolicy:
+class LookingPolicy(Independent):
     """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
 
     `policy` chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
     `failure_probability` are what the robot knows.
     """
 
+    @checked()
     def __init__(self, policy: Policy, looks: bool = True) -> None:
-        """Take the policy that chooses the steps.
+        """Take the policy that chooses the steps."""
+        self.policy, self.looks = policy, looks
 
-        Raises a `SettingError` if it has no method `act`, or `looks` is neither True nor False.
-        """
-        if not callable(getattr(policy, "act", None)):
-            raise FieldPath("policy", SettingError).refused(policy, "a Policy, with a method `act`")
-        self.policy, self.looks = policy, Flag().read(looks, FieldPath("looks", SettingError))
-
+    @checked({"env": InstanceOf(UnknownMapEnv)})
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
         Raises a `SettingError` if the environment is not an `UnknownMapEnv`.
         """
-        InstanceOf(UnknownMapEnv).read(env, FieldPath("env", SettingError))
         assert isinstance(env, UnknownMapEnv)
         if not mask[:-1].any():
             return len(mask) - 1
@@ -169,17 +173,19 @@ class LookingPolicy:
         return len(mask) - 1 if look else action
 
 
-class ReplanningPolicy:
+class ReplanningPolicy(Independent):
     """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
 
     It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
     """
 
+    @checked(COST_KINDS)
     def __init__(self, cost: str = "steps", **options: Any) -> None:
         """Plan with a cost, and further arguments of `Planner.plan`."""
         self._cost, self._options = cost, options
         self._planner: Planner | None = None
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the action to take; see `Policy.act`.
 
@@ -215,13 +221,14 @@ def cost_of(env: MlivrEnv) -> Cost:
     )
 
 
-class PlanPolicy:
+class PlanPolicy(Independent):
     """Policy that follows plans, and plans again when the stance is not the one expected.
 
     It also plans again when an episode begins, or the goal or the world has changed. `plans` is the
     number of plans made so far.
     """
 
+    @checked()
     def __init__(self, find: Callable[[MlivrEnv], list[int] | None]) -> None:
         """Take a function that returns the actions from the present state to the goal, or None."""
         self._find = find
@@ -230,6 +237,7 @@ class PlanPolicy:
         self._goal, self._version = b"", -1
         self.plans = 0
 
+    @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
         """Return the next action of the plan, or an invalid action if no plan is found."""
         known = env.goal.tobytes() == self._goal and env.graph.version == self._version
@@ -239,12 +247,13 @@ class PlanPolicy:
             self.plans += 1
         if not self._actions:
             self._expected = None
-            return int(np.flatnonzero(~mask)[0])
+            return int(np.argmin(mask))
         action = self._actions.pop()
         self._expected = env.state.stance_after(*divmod(action, len(env.graph.grasp_map)))
         return action
 
 
+@checked(QUERY)
 def planner_policy(
     cost: str = "steps", method: str = "astar", planner: Planner | None = None, **options: Any
 ) -> PlanPolicy:
@@ -264,44 +273,53 @@ def planner_policy(
     >>> evaluate(env, planner_policy("base"), episodes=1).success_rate
     1.0
     """
-    made: dict[int, Planner] = {}
-
-    def find(env: MlivrEnv) -> list[int] | None:
-        graph, start = env.graph, env.state
-        given: dict[str, Any] = {} if planner is None else {"start_pose": start.pose}
-        if planner is None and id(graph) not in made:
-            made.clear()
-            made[id(graph)] = Planner(graph)
-        result = (planner or made[id(graph)]).plan(
-            start if planner is None else start.stance,
-            env.goal.tolist(),
-            cost,
-            method=method,
-            goal_tolerance=env.goal_tolerance,
-            **given,
-            **options,
-        )
-        if result.plan is None:
-            return None
-        index = graph.grasp_map.index
-        return _action_numbers(env, [(limb, index(point)) for limb, point in result.plan.actions])
-
-    return PlanPolicy(find)
+    return PlanPolicy(_Planned(planner, cost, method, options))
 
 
+@checked(BASELINE)
 def baseline_policy(method: str, budget: int = 50, seed: int = 0) -> PlanPolicy:
     """Return a policy that follows the action sequences of a method of `planners.baselines`.
 
     The arguments are those of `find_walk`.
     """
+    return PlanPolicy(partial(_walk_actions, method, budget, seed))
 
-    def find(env: MlivrEnv) -> list[int] | None:
-        where = env.moves, env.state, env.goal, env.goal_tolerance
-        return _action_numbers(
-            env, find_walk(method, *where, budget=budget, seed=seed + env.steps).actions
-        )
 
-    return PlanPolicy(find)
+@dataclass
+class _Planned:
+    """Function that returns the actions of a plan, see `planner_policy`, or None without one."""
+
+    given: Planner | None
+    """Planner of the user."""
+    cost: str
+    method: str
+    options: dict[str, Any]
+    made: Planner | None = None
+    """Planner on the graph of the environment, if none is given."""
+
+    def __call__(self, env: MlivrEnv) -> list[int] | None:
+        start: dict[str, Any] = {"start": env.state}
+        if self.given is not None:
+            start = {"start": env.state.stance, "start_pose": env.state.pose}
+        elif self.made is None or self.made.graph is not env.graph:
+            self.made = Planner(env.graph)
+        planner = self.given or self.made
+        assert planner is not None
+        plan = planner.plan(
+            goal=env.goal.tolist(), cost=self.cost, method=self.method,
+            goal_tolerance=env.goal_tolerance, **start, **self.options,
+        ).plan  # fmt: skip
+        if plan is None:
+            return None
+        index = env.graph.grasp_map.index
+        return _action_numbers(env, [(limb, index(point)) for limb, point in plan.actions])
+
+
+def _walk_actions(method: str, budget: int, seed: int, env: MlivrEnv) -> list[int]:
+    """Return the actions of the walk that a method of `planners.baselines` finds."""
+    where = env.moves, env.state, env.goal, env.goal_tolerance
+    walk = find_walk(method, *where, budget=budget, seed=seed + env.steps)
+    return _action_numbers(env, walk.actions)
 
 
 def _action_numbers(env: MlivrEnv, actions: Iterable[tuple[int, int]]) -> list[int]:

@@ -12,9 +12,11 @@ from mlivr_gym.agents.policies import (
     baseline_policy,
     planner_policy,
 )
+from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extras import require
+from mlivr_gym.schema import Integer, OrNone
 
 PLANNERS = (
     "expert", "astar", "astar-base", "dijkstra", "greedy", "local", "two_level", "mcts", "random",
@@ -22,6 +24,7 @@ PLANNERS = (
 """Planners and baselines that can be evaluated in addition to learned policies."""
 
 
+@checked({"seed": SEED, "beam": OrNone(Integer(1, 10_000))})
 def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = None) -> Policy:
     """Return the policy of a name: one of `PLANNERS`, `"pretrained"`, or the path of a checkpoint.
 

@@ -16,12 +16,13 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.errors import SettingError, choice
+from mlivr_gym.sharing import Independent
 
 OBSERVATIONS = ("points", "plain")
 """Names of the observations: `point_features`, or those of the environment itself."""
 
 
-class TableVecEnv(VecEnv):
+class TableVecEnv(Independent, VecEnv):
     """`MlivrVectorEnv` as a `VecEnv` of stable-baselines3, with two limbs.
 
     Points that are occupied in the environment's graph are not grasped. `MaskablePPO` finds the

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.agents.evaluation import EvaluationTask
+from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
@@ -76,6 +77,10 @@ TEST_SET = Fields(
 """Validator of a file with a test set."""
 
 
+SIZES = Fields(dict.fromkeys(SPLITS, Integer(0, 10**6)))
+"""Validator of the numbers of tasks in the splits."""
+
+
 class HeldOutWorld(NamedTuple):
     """A map of the test set, with its tasks; their goals are held out, not always the map."""
 
@@ -94,6 +99,7 @@ class HeldOutWorld(NamedTuple):
         return whole if self.sparse_seed is None else whole.sparse(self.sparse_seed)
 
 
+@checked()
 def load_test_set(path: str | Path | None = None) -> list[HeldOutWorld]:
     """Return the maps and tasks of the test set that ships with the package, or of another file.
 
@@ -124,6 +130,7 @@ def held_out_goals() -> Array:
     return np.array([task.goal for world in load_test_set() for task in world.tasks])
 
 
+@checked({"seed": SEED, "sizes": SIZES})
 def freeze_test_set(path: str | Path, seed: int, sizes: dict[str, int]) -> list[HeldOutWorld]:
     """Draw a test set from a seed, write it to a file, and return it.
 

@@ -27,16 +27,17 @@ from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_
 from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
-from mlivr_gym.arguments import InstanceOf
+from mlivr_gym.arguments import SEED, InstanceOf, checked
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.errors import SettingError, choice
-from mlivr_gym.schema import FieldPath, OrNone
+from mlivr_gym.schema import Choice, FieldPath, OrNone
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Function called with the phase, the steps done, their total number, and figures by name."""
 
 
+@checked({"method": Choice(METHODS), "seed": SEED})
 def train(
     method: str,
     network: str = "pointer",

@@ -237,8 +237,8 @@ def markdown(data: dict[str, Any]) -> str:
         + "\n## Which joint to hold\n\n"
         f"The largest `w_m` of the other six joints at {data['draws']:,} drawn angles of all "
         "seven, without joint limits, by Pinocchio; characteristic lengths grow with the arm as in "
-        "[your own robot](../how-to/own-robot.md). With joint 4 held, the elbow, no posture comes "
-        "near the default threshold of 0.1: another reason why it is refused.\n\n"
+        "[your own robot](../docs/how-to/own-robot.md). With joint 4 held, the elbow, no posture "
+        "comes near the default threshold of 0.1: another reason why it is refused.\n\n"
         + table("arm | " + " | ".join(f"joint {k}" for k in range(1, 8)), held)
     )
 

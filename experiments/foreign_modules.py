@@ -154,11 +154,11 @@ def markdown(data: dict[str, Any]) -> str:
     )
     return f"""# Modules that others published
 
-[Bring your own module](../how-to/own-module.md) was followed with two modules whose figures nobody
-of this project made: the 14 handrails that Chunting/r2_planning (BSD) publishes of the US Lab, as a
-CSV table, and NASA's mesh of Columbus (danielpmorton/pyastrobee, MIT, commit 43c9c844; NASA media
-usage guidelines). Robots of two UR5e start and end in drawn stances; the longest plan is carried
-out.
+[Bring your own module](../docs/how-to/own-module.md) was followed with two modules whose
+figures nobody of this project made: the 14 handrails that Chunting/r2_planning (BSD) publishes of
+the US Lab, as a CSV table, and NASA's mesh of Columbus (danielpmorton/pyastrobee, MIT, commit
+43c9c844; NASA media usage guidelines). Robots of two UR5e start and end in drawn stances; the
+longest plan is carried out.
 
 {table(head, rows)}
 The table was a map as it is. It has no walls, so its plans keep clear of the robot and of nothing

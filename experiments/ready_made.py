@@ -25,9 +25,8 @@ from start_up import PATHS, ROOT, run
 
 import mlivr_gym.envs_assets
 from mlivr_gym.compiled.cache import PACKAGE, source_digest
-from mlivr_gym.compiled.ready_made import archive_path, pack
+from mlivr_gym.compiled.ready_made import FIRST_PLAN, archive_path, pack
 from mlivr_gym.files import write_whole
-from mlivr_gym.stances.build import COMPILED
 
 ASSETS = Path(mlivr_gym.envs_assets.__file__).parent
 
@@ -52,7 +51,7 @@ def build() -> bytes:
         for path in PATHS:
             found = run(path, Path(cache), **target)
             print(f"{path}: {found['functions']} functions, {found['wall']:.0f} s", flush=True)
-        return pack(Path(cache, "kernels"), has.split(), COMPILED.parent.name)
+        return pack(Path(cache, "kernels"), has.split(), source_digest(FIRST_PLAN))
 
 
 def current() -> dict[str, Path]:

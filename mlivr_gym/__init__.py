@@ -6,6 +6,9 @@ Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLI
 `MLIVR-Station-v0` and `MLIVR-Truss-v0`.
 """
 
+import mlivr_gym._interrupts  # before what takes time
+
+# isort: split
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -1,9 +1,9 @@
 """Checks of the arguments of public functions, made before anything is computed.
 
-The decorator `checked` takes a schema `Validator` for each argument by name; the functions of a
-package share one such table. An argument without a validator is an error when the module is
-imported. The validators for data are in `schema`; this module adds those that only arguments need,
-such as objects of a class and file names.
+The decorator `checked` takes a schema `Validator` for some arguments by name; the functions of a
+package share one such table. The others are checked by their annotations, see `validator_of`. The
+validators for data are in `schema`; this module adds those that only arguments need, such as
+objects of a class and file names.
 
 Examples
 --------
@@ -20,13 +20,39 @@ from __future__ import annotations
 
 import functools
 import inspect
+import operator
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, ParamSpec, TypeVar
+from pathlib import Path
+from types import MappingProxyType, NoneType, UnionType
+from typing import (
+    Annotated,
+    Any,
+    Generic,
+    ParamSpec,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    is_typeddict,
+)
+
+import numpy as np
 
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.schema import FieldPath, Integer, Tuples, Validator
+from mlivr_gym.schema import (
+    Anything,
+    FieldPath,
+    Flag,
+    Integer,
+    ListOf,
+    OrNone,
+    Text,
+    Tuples,
+    Validator,
+)
+from mlivr_gym.values import MAX_POINTS, MAX_REMARK_LENGTH
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -45,34 +71,150 @@ NOT_NEGATIVE = Tuples((), 0.0)
 
 
 def checked(
-    validators: Validators, error: type[MlivrError] = SettingError
+    validators: Validators = MappingProxyType({}),
+    error: type[MlivrError] = SettingError,
+    *,
+    late: bool = False,
 ) -> Callable[[Callable[P, T]], Callable[P, T]]:
     """Return a decorator that checks and converts the arguments of a function before each call.
 
-    `validators` are those of the arguments by name, more than the function takes perhaps; default
-    values are not checked. `error` is the type of the error that an invalid argument raises.
+    `validators` are those of some arguments by name, more than the function takes perhaps; the
+    others are those of their annotations. Default values are not checked. `error` is the type of
+    the error that an invalid argument raises. With `late`, for short functions that are called
+    very often, arguments are checked only after the function has failed, and not converted.
     """
 
     def above(function: Callable[P, T]) -> Callable[P, T]:
         signature = inspect.signature(function)
         loose = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
-        read = {
-            name: validators[name]
+        given = {
+            name: parameter.annotation
             for name, parameter in signature.parameters.items()
             if name not in ("self", "cls") and parameter.kind not in loose
         }
 
-        @functools.wraps(function)
-        def call(*args: P.args, **kwargs: P.kwargs) -> T:
-            bound = signature.bind(*args, **kwargs)
+        @functools.cache  # made at the first call, when all names of the module are defined
+        def kinds() -> Validators:
+            read = dict(validators)
+            for name, annotation in given.items():
+                if name not in read:
+                    read[name] = validator_of(eval(annotation, function.__globals__))
+            return {name: read[name] for name in given}
+
+        def converted(*args: P.args, **kwargs: P.kwargs) -> inspect.BoundArguments:
+            bound, read = signature.bind(*args, **kwargs), kinds()
             for name, value in bound.arguments.items():
                 if name in read:
                     bound.arguments[name] = read[name].read(value, FieldPath(name, error))
+            return bound
+
+        @functools.wraps(function)
+        def call(*args: P.args, **kwargs: P.kwargs) -> T:
+            bound = converted(*args, **kwargs)
             return function(*bound.args, **bound.kwargs)
 
-        return call
+        @functools.wraps(function)
+        def call_first(*args: P.args, **kwargs: P.kwargs) -> T:
+            try:
+                return function(*args, **kwargs)
+            except Exception:
+                converted(*args, **kwargs)
+                raise
+
+        return call_first if late else call
 
     return above
+
+
+def validator_of(annotation: Any) -> Validator[Any]:
+    """Return the validator of what an annotation stands for.
+
+    It is the one with which a type is `Annotated`. Numbers are finite, and arrays have any shape,
+    as those of `arrays`; an array of truth values or of integers is one that NumPy made. Of several
+    types only classes and None may be alternatives, and sequences beside arrays.
+    """
+    origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        kind: Validator[Any] = annotation.__metadata__[0]
+        return kind
+    if annotation in SIMPLE:
+        return SIMPLE[annotation]
+    if origin in (Union, UnionType):
+        rest = [one for one in parts if one is not NoneType]
+        arrays = [one for one in rest if get_origin(one) is np.ndarray]
+        one = arrays[0] if arrays else functools.reduce(operator.or_, rest)
+        if len(rest) < len(parts):
+            return OrNone(validator_of(one))
+        return validator_of(one) if arrays else InstanceOf(*rest)
+    if origin is np.ndarray:
+        return ArrayOf(np.dtype(get_args(parts[1])[0]).kind)
+    if origin is tuple and parts[1:] != (Ellipsis,):
+        return TupleOf(tuple(map(validator_of, parts)))
+    if origin in (tuple, list, Sequence, Iterable):
+        return ListOf(validator_of(parts[0]), most=MAX_POINTS)
+    if origin is Callable:
+        return Function()
+    if is_typeddict(annotation):
+        return InstanceOf(dict)
+    return Offers(annotation) if is_protocol(annotation) else InstanceOf(origin or annotation)
+
+
+def is_protocol(kind: Any) -> bool:
+    """Return whether a type is an interface that a class need not name."""
+    return bool(getattr(kind, "_is_protocol", False))
+
+
+@dataclass(frozen=True)
+class Offers:
+    """Validator of an object that has the methods of an interface; a class is refused."""
+
+    interface: type
+    """A protocol."""
+
+    def read(self, value: object, place: FieldPath) -> Any:
+        """Return the object itself."""
+        names = [name for name in vars(self.interface) if not name.startswith("_")]
+        names += ["__call__"] * ("__call__" in vars(self.interface))
+        if isinstance(value, type) or not all(hasattr(value, name) for name in names):
+            raise place.refused(value, f"a {self.interface.__name__}, with {', '.join(names)}")
+        return value
+
+
+@dataclass(frozen=True)
+class ArrayOf:
+    """Validator of an array of any shape, or of nested lists."""
+
+    kind: str
+    """Its numbers by NumPy's letter: "f", finite ones, "i" or "u", integers, or "b"."""
+
+    def read(self, value: object, place: FieldPath) -> Any:
+        """Return the array; integers are floats in an array of these."""
+        names = {"f": "finite numbers", "b": "truth values"}
+        wanted = {"f": "fiu", "b": "b"}.get(self.kind, "iu")
+        kind = f"an array of {names.get(self.kind, 'integers')}"
+        try:
+            found = np.asarray(value) if isinstance(value, (list, tuple, np.ndarray)) else None
+        except (TypeError, ValueError, OverflowError):  # rows of different lengths
+            found = None
+        if found is not None and not found.size and found.dtype.kind == "f":
+            found = found.astype(f"{self.kind}8" if self.kind in "fiu" else "?")
+        if found is None or found.dtype.kind not in wanted or not np.isfinite(found).all():
+            raise place.refused(value, kind)
+        return found.astype(np.float64) if self.kind == "f" else found
+
+
+@dataclass(frozen=True)
+class TupleOf:
+    """Validator of a list with one entry for each of some kinds."""
+
+    kinds: tuple[Validator[Any], ...]
+    """Validator of each entry."""
+
+    def read(self, value: object, place: FieldPath) -> tuple[Any, ...]:
+        """Return the entries as a tuple."""
+        entries = ListOf(Anything(), len(self.kinds), len(self.kinds)).read(value, place)
+        both = zip(self.kinds, entries, strict=True)
+        return tuple(kind.read(one, place.entry(k)) for k, (kind, one) in enumerate(both))
 
 
 class InstanceOf:
@@ -112,6 +254,19 @@ class FileName:
         if not isinstance(path, str):
             raise place.refused(value, "the path of a file")
         return path
+
+
+SIMPLE: Mapping[Any, Validator[Any]] = {
+    Any: Anything(),
+    object: Anything(),
+    bool: Flag(),
+    int: Integer(-(2**63), 2**63 - 1),
+    float: ANY_NUMBER,
+    str: Text(0, MAX_REMARK_LENGTH),
+    Path: FileName(),
+    str | Path: FileName(),
+}
+"""Validator of each type that is no class of the package."""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,11 @@ invalid input from a fault of the program.
 
 from __future__ import annotations
 
+import copyreg
 import re
 import reprlib
 from collections.abc import Iterable
+from typing import Any
 
 LONGEST_SHOWN = 400
 """Maximum number of characters of a value in a message."""
@@ -44,6 +46,14 @@ def one_line(message: str) -> str:
 
 class MlivrError(ValueError):
     """Base class of all errors of the package: an input cannot be used."""
+
+    def __init__(self, message: str = "") -> None:
+        """Escape what is unprintable: files and other libraries are quoted, on terminals too."""
+        super().__init__(one_line(message))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy message and attributes, since constructors may take something else."""
+        return copyreg.__newobj__, (type(self), *self.args), vars(self)  # type: ignore[attr-defined]
 
 
 class MapError(MlivrError):

@@ -1,6 +1,6 @@
 """Reading JSON files with all their faults reported, and writing files atomically.
 
-Every file of the package is written whole or not at all.
+Every file of the package is written whole or not at all, and so are several that belong together.
 """
 
 from __future__ import annotations
@@ -9,8 +9,14 @@ import hashlib
 import json
 import math
 import os
-import tempfile
-from collections.abc import Callable
+import secrets
+import shutil
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,27 +37,168 @@ class FileError(MlivrError):
     """A file cannot be written."""
 
 
+def plain_file(path: str | Path) -> Path | None:
+    """Return the file that is made or replaced where a path is written, at the end of its links.
+
+    None stands for a device or a pipe, which is written to. Raises an `OSError` for a folder.
+    """
+    target = Path(os.path.realpath(path))
+    if target.is_dir() or not os.path.basename(path):
+        raise IsADirectoryError("it is a folder; give the name of a file")
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return target
+    # The standard output may be a file that has no name any more.
+    is_named = target.exists() and os.path.samefile(path, target)
+    return target if stat.S_ISREG(mode) and is_named else None
+
+
 def write_whole(path: str | Path, content: str | bytes) -> None:
     """Write a file by renaming a finished temporary one, so that no half-written file is ever seen.
 
-    The content is text, which is written in UTF-8, or bytes. Raises a `FileError` if the file
-    cannot be written.
+    The content is text, which is written in UTF-8, or bytes. Links stay, and the file at their end
+    is replaced, with its permissions; devices and pipes are written to. Inside `written_together`
+    all this happens at the end of the block. Raises a `FileError` if the file cannot be written.
     """
     path = FileName().read(path, FieldPath("path", FileError))
-    target, name = Path(path), None
+    with written_together() as files, _reasons_told(path):
+        data = content.encode() if isinstance(content, str) else content
+        files.append(_PendingFile.prepared(path, plain_file(path), data))
+
+
+@contextmanager
+def written_together() -> Iterator[list[_PendingFile]]:
+    """Write the files of a block at its end: all of them, or none if it fails or one cannot be.
+
+    Each is complete under a temporary name before the first one gets its own. It holds for this
+    thread alone; a block within another one belongs to that.
+    """
+    outer = _pending.get()
+    if outer is not None:
+        yield outer
+        return
+    files: list[_PendingFile] = []
+    token = _pending.set(files)
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content.encode() if isinstance(content, str) else content)
-        umask = os.umask(0)
-        os.umask(umask)
-        os.chmod(name, 0o666 & ~umask)
-        os.replace(name, target)
+        yield files
+        for one in files:
+            one.write_through()
+        for one in files:
+            one.replace(keeps_old=len(files) > 1)
+    except BaseException:
+        for one in reversed(files):
+            one.restore()
+        raise
+    finally:
+        _pending.reset(token)
+        for one in files:
+            one.remove_temporary()
+
+
+@dataclass
+class _PendingFile:
+    """A file that is written at the end of a block."""
+
+    path: str
+    """Its name as it was given."""
+    target: Path | None
+    """The plain file that it replaces, or None for a device or a pipe."""
+    content: bytes
+    temporary: Path
+    """The finished file, which will be renamed."""
+    may_be_restored: bool = False
+    """Whether renaming has begun and what is replaced, if anything, has another name."""
+
+    @classmethod
+    def prepared(cls, path: str, target: Path | None, content: bytes) -> _PendingFile:
+        """Write the temporary file, which gets the permissions of the one that it will replace."""
+        place = target or Path(path)
+        name = f".{place.name}.{secrets.token_hex(8)}"
+        made = cls(path, target, content, place.with_name(name))
+        if target is None:
+            return made
+        try:
+            known = target.stat() if target.exists() else None
+            # For a new file the system takes away what the process' umask says.
+            opener = partial(os.open, mode=0o666 if known is None else 0o600)
+            with open(made.temporary, "xb", opener=opener) as stream:
+                stream.write(content)
+                stream.flush()
+                os.fsync(stream.fileno())
+            if known is not None:
+                with suppress(OSError, AttributeError):  # another user's file; Windows
+                    os.chown(made.temporary, known.st_uid, known.st_gid)
+                os.chmod(made.temporary, stat.S_IMODE(known.st_mode))
+        except BaseException:
+            made.remove_temporary()
+            raise
+        return made
+
+    @property
+    def old(self) -> Path:
+        """Another name of the file that is replaced, until all files are in their places."""
+        return self.temporary.with_name(f"{self.temporary.name}.old")
+
+    def write_through(self) -> None:
+        """Write the content to a device or a pipe."""
+        if self.target is None:
+            with _reasons_told(self.path), open(os.open(self.path, os.O_WRONLY), "wb") as stream:
+                stream.write(self.content)
+
+    def replace(self, keeps_old: bool) -> None:
+        """Rename the temporary file."""
+        if self.target is None:
+            return
+        with _reasons_told(self.path):
+            if keeps_old and self.target.exists():
+                try:
+                    os.link(self.target, self.old)
+                except OSError:  # a file system without hard links
+                    shutil.copy2(self.target, self.old)
+            self.may_be_restored = keeps_old
+            os.replace(self.temporary, self.target)
+            _sync_folder(self.target.parent)
+
+    def restore(self) -> None:
+        """Put back what was replaced."""
+        if self.target is None or not self.may_be_restored or self.temporary.exists():
+            return
+        with suppress(OSError):
+            if self.old.exists():
+                os.replace(self.old, self.target)
+            else:
+                self.target.unlink()
+
+    def remove_temporary(self) -> None:
+        """Remove the files that nothing needs any more."""
+        with suppress(OSError):
+            self.temporary.unlink(missing_ok=True)
+            self.old.unlink(missing_ok=True)
+
+
+_pending: ContextVar[list[_PendingFile] | None] = ContextVar("pending", default=None)
+"""Files of the block that is under way."""
+
+
+@contextmanager
+def _reasons_told(path: str) -> Iterator[None]:
+    """Turn what the system says about a file into a `FileError`."""
+    try:
+        yield
     except (OSError, ValueError) as error:  # for example a null character in the name
-        if name is not None:
-            Path(name).unlink(missing_ok=True)
         reason = error.strerror if isinstance(error, OSError) else None
         raise FileError(f"cannot write {path_shown(path)}: {reason or error}") from None
+
+
+def _sync_folder(folder: Path) -> None:
+    """Write a folder's entries to the disk, where the system can do so."""
+    with suppress(OSError):  # Windows opens no folders, and some network drives sync none
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
 
 
 def checksum(data: Any, content: bytes = b"") -> str:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.errors import MlivrError, SettingError, shortened
-from mlivr_gym.schema import FieldPath, Flag, OrNone, Struct, Tuples
+from mlivr_gym.schema import FieldPath, Flag, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 GRAPH_RULES = 3
@@ -15,6 +16,9 @@ GRAPH_RULES = 3
 The number is raised whenever the same map and robot give other postures or steps. Plans,
 checkpoints, data sets, test sets and tables of other rules are refused.
 """
+
+LIMBS = Integer(2, 1000)
+"""Validator of a number of limbs."""
 
 LIMB_THRESHOLD = 0.1
 """Threshold of the limb manipulability w_m, from the paper."""
@@ -29,6 +33,7 @@ CLEARANCE = 0.02
 """Minimum distance between two shapes [m]."""
 
 
+@checked({"limbs": LIMBS})
 def base_threshold(limbs: int) -> float:
     """Return the default threshold of w_b for a number of limbs N, `0.001 (2/N)^3`.
 
@@ -88,6 +93,7 @@ class Settings:
         """Check and convert all fields."""
         SETTINGS.check(self, FieldPath("", SettingError))
 
+    @checked({"limbs": LIMBS})
     def thresholds(self, limbs: int) -> tuple[float, float]:
         """Return the thresholds of w_m and w_b for a stance of `limbs` limbs.
 

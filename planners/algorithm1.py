@@ -28,9 +28,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
+from mlivr_gym.planners.costs import HEURISTICS
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
-from mlivr_gym.planners.query import EXPANSIONS, Goal
+from mlivr_gym.planners.query import EXPANSIONS, QUERY, Goal
+from mlivr_gym.schema import Choice, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -52,6 +55,13 @@ class SearchTree:
     """Number of states put into the open queue, the start included."""
 
 
+@checked(
+    {
+        **{name: kind for name, kind in QUERY.items() if name not in ("start", "goal")},
+        "heuristic": Choice(HEURISTICS[1:]),
+        "inflation": Tuples((), 0.0),
+    }
+)
 def algorithm1(
     graph: StanceGraph,
     start: State,

@@ -23,12 +23,19 @@ from mlivr_gym.planners.bucket_queue import (
     push,
     queue_lower_bound,
 )
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import CostWeights
 from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 INITIAL_CAPACITY = 1 << 21
 """Initial capacity of the queue, in addition to the goals."""
+
+CLOCK_INTERVAL = 1 << 14
+"""Maximum number of entries taken from the queue between two readings of the clock."""
+
+COMPLETE, QUEUE_FULL, PAUSED = 0, 1, 2
+"""Why a call of `_search` ends."""
 
 MIN_COST_OUTSIDE_GOAL = 1e-12
 """Lower bound of the cost from every node outside the goal, so that only goals have cost 0."""
@@ -49,6 +56,8 @@ class BackwardProgress(Record):
     """How far it goes in addition to that."""
     final_estimate: float
     """Estimate at which the search ended; infinite if its queue was exhausted."""
+    clock_interval: int
+    """Number of entries taken from the queue before the clock is read."""
 
 
 class NodeCosts(Record):
@@ -69,6 +78,8 @@ def costs_to_goal(
     starts: IntArray,
     start_bounds: Array,
     extension: tuple[float, float],
+    *,
+    clock: Clock = UNLIMITED,
 ) -> tuple[Array, BoolArray]:
     """Compute lower bounds of the cost from each of n nodes to the goal.
 
@@ -87,8 +98,13 @@ def costs_to_goal(
     progress["unreached_starts"], progress["limit"] = int(is_start.sum()), np.inf
     progress["extension_fraction"], progress["extension_amount"] = extension
     nodes = table, goals, is_start
-    while not _search(nodes, weights, estimates, queue, progress):
-        queue = queue.doubled()
+    end = PAUSED
+    while end != COMPLETE:
+        if end == QUEUE_FULL:
+            queue = queue.doubled()
+        with clock.piece("nodes settled", CLOCK_INTERVAL) as interval:
+            progress["clock_interval"] = interval
+            end = int(_search(nodes, weights, estimates, queue, progress))
     outside, finite = np.full(count, np.inf), np.isfinite(start_bounds)
     outside[finite] = np.maximum(
         progress["final_estimate"] - start_bounds[finite], MIN_COST_OUTSIDE_GOAL
@@ -108,9 +124,10 @@ def _search(
     estimates: Rows[NodeCosts],
     queue: NodeQueue,
     progress: BackwardProgress,
-) -> bool:
-    """Continue a search; return False if its queue is full."""
+) -> int:
+    """Continue a search; return `COMPLETE`, or why it must stop before."""
     table, goals, is_start = nodes
+    count = 0
     if not progress.initialised:
         progress.initialised = True
         for s in range(len(goals)):
@@ -118,19 +135,22 @@ def _search(
                 estimates[s].cost = 0.0
                 push(queue, estimates[s].start_bound, s)
     while True:
+        if count == progress.clock_interval:
+            return PAUSED
+        count += 1
         entry = pop(queue)
         if entry == NO_ENTRY:
             progress.final_estimate = np.inf
-            return True
+            return COMPLETE
         if queue_lower_bound(queue) > progress.limit:
             progress.final_estimate = queue_lower_bound(queue)
-            return True
+            return COMPLETE
         s = int(queue.node[entry])
         if estimates[s].closed:
             continue
         if queue.status.entry_count + degree(table, s) + 1 > len(queue.node):
             push(queue, estimates[s].cost + estimates[s].start_bound, s)
-            return False
+            return QUEUE_FULL
         estimates[s].closed = True
         if is_start[s]:
             is_start[s] = False

@@ -22,12 +22,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Validators, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import choice
 from mlivr_gym.kinematics.batches import distance, distances
 from mlivr_gym.planners.walks import Walk
+from mlivr_gym.schema import Choice, Integer
 from mlivr_gym.stances.moves import Moves
 from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.world.given_points import GOAL
 
 CORRIDORS = (0.3, 0.6, 1.2)
 """Half widths of the corridors of `two_level`, in order [m]."""
@@ -209,6 +211,18 @@ BASELINES: dict[str, Callable[[_Task, np.random.Generator, int], Walk]] = {
 """The baselines by name."""
 
 
+BASELINE: Validators = {
+    "method": Choice(tuple(BASELINES)),
+    "goal": GOAL,
+    "tolerance": NOT_NEGATIVE,
+    "max_steps": Integer(0, 10**6),
+    "budget": Integer(1, 10**6),
+    "seed": SEED,
+}
+"""Validators of the arguments of `find_walk`."""
+
+
+@checked(BASELINE)
 def find_walk(
     method: str,
     moves: Moves,
@@ -227,6 +241,5 @@ def find_walk(
     simulations for each step; it and `random` are seeded. Raises a `SettingError` if the method is
     unknown.
     """
-    choice("method", method, BASELINES)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, max_steps)
     return BASELINES[method](task, np.random.default_rng(seed), budget)

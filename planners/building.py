@@ -1,6 +1,6 @@
-"""Tables that are built once for a robot on a map, in threads that outlast a query.
+"""Results that are computed once for many queries, in threads that outlast a query.
 
-A query with a time limit waits for a table until its deadline. The thread goes on, and a later
+A query with a time limit waits for a result until its deadline. The thread goes on, and a later
 query uses the result.
 """
 
@@ -10,47 +10,55 @@ import math
 import threading
 import time
 from collections.abc import Callable, Hashable
+from typing import Any, TypeVar
+
+from mlivr_gym.planners.clock import OutOfTime
+
+T = TypeVar("T")
 
 
 class _BackgroundWork(threading.Thread):
     """Some work in a daemon thread, which ends with the process."""
 
-    def __init__(self, work: Callable[[], object]) -> None:
+    def __init__(self, work: Callable[[], Any]) -> None:
         """Start the work."""
         super().__init__(daemon=True)
-        self.work = work
+        self.work: Callable[[], Any] | None = work
+        self.result: Any = None
         self.error: BaseException | None = None
         self.start()
 
     def run(self) -> None:
-        """Do the work; an error is stored for the thread that waits for the result."""
+        """Do the work; the result or an error is stored for the thread that waits for it."""
+        assert self.work is not None
         try:
-            self.work()
+            self.result = self.work()
         except BaseException as error:  # raised in the thread that waits for the result
             self.error = error
+        self.work = None  # it may hold a graph, and the result may never be asked for
 
 
 _running: dict[Hashable, _BackgroundWork] = {}
 """Threads that were started and whose result was not collected yet, by the key of the work."""
 
 
-def complete_by_deadline(key: Hashable, work: Callable[[], object], deadline: float) -> bool:
-    """Return whether some work, which stores its own result, is done before a deadline.
+def result_by_deadline(key: Hashable, work: Callable[[], T], deadline: float) -> T:
+    """Return the result of some work; raise `OutOfTime` if it is not done before a deadline.
 
     The work is identified by a key, and is done in this thread if the deadline, on the clock of
     `time.perf_counter` [s], is infinite, otherwise in a thread of its own. Raises what the work
     raises.
     """
-    if deadline == math.inf and key not in _running:
-        work()
-        return True
-    if key not in _running:
-        _running[key] = _BackgroundWork(work)
-    thread = _running[key]
+    thread = _running.get(key)
+    if thread is None and deadline == math.inf:
+        return work()
+    if thread is None:
+        thread = _running[key] = _BackgroundWork(work)
     thread.join(None if deadline == math.inf else max(0.0, deadline - time.perf_counter()))
     if thread.is_alive():
-        return False
+        raise OutOfTime
     _running.pop(key, None)
     if thread.error is not None:
         raise thread.error
-    return True
+    found: T = thread.result
+    return found

@@ -31,7 +31,9 @@ class CheckBudget:
         if path_search.effort >= path_search.search.effort:
             self.is_spent = True
             return np.zeros_like(branch_sets)
-        return self._lazy_table.branch_sets_after(edges, branch_sets)
+        pieces = path_search.clock.pieces("edges", len(edges))
+        after = [self._lazy_table.branch_sets_after(edges[k], branch_sets[k]) for k in pieces]
+        return np.concatenate([branch_sets[:0], *after])
 
     def outcome(self, found: SearchOutcome) -> SearchOutcome:
         """Return what a search found, which proves nothing if edges were left unchecked."""

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.motion.plan import Plan
@@ -23,15 +24,16 @@ from mlivr_gym.planners.move_bounds import MoveBounds
 from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
-from mlivr_gym.planners.query import Goal
-from mlivr_gym.robot.specification import RobotSpec, robot_spec
+from mlivr_gym.planners.query import QUERY, Goal
+from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.stances.obstacles import POINTS
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.given_points import STANCE
-from mlivr_gym.world.grasp_map import GraspMap, as_map
+from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 CELL = 1.0
 """Edge of the cells of the route [m]."""
@@ -65,6 +67,7 @@ class CorridorPlan(NamedTuple):
     """Whether the graph has all points, so that a result without a plan proves that none exists."""
 
 
+@checked({**QUERY, "grasp_map": MAP, "robot": ROBOT_OR_NAME, "occupied": POINTS})
 def plan_in_corridor(
     grasp_map: str | GraspMap | dict[str, Any] | None,
     start: Sequence[str],

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.planners.query import Goal
@@ -33,6 +34,7 @@ class CostToGo:
         Whether each stance is at the goal, shape (n,).
     """
 
+    @checked()
     def __init__(self, graph: TwoLimbGraph, goal: Goal) -> None:
         """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
@@ -69,6 +71,7 @@ class CostToGo:
             return 0.0
         return float(self.action_values(state, self.graph.successors(state)).min(initial=np.inf))
 
+    @checked(late=True)
     def action_values(self, state: State, successors: Successors) -> Array:
         """Return the cost of each step from a state and an optimal path after it, shape (k,)."""
         out = np.empty(len(successors.limb))
@@ -80,6 +83,7 @@ class CostToGo:
             out[k] = self.cost.base_weight * shift[k] + self.cost.step_weight + self.value(after)
         return out
 
+    @checked(late=True)
     def best(self, state: State, successors: Successors) -> int:
         """Return the index of the best step that leaves a state, the first of equal ones."""
         values = self.action_values(state, successors)

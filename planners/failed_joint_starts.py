@@ -37,20 +37,22 @@ def plan_with_failed_joints(
     graph: StanceGraph,
     failed: Sequence[FailedJoint],
     start: Start,
-    plan: Callable[[StanceGraph, Start], PlanningResult],
+    plan: Callable[[StanceGraph, Start, float | None], PlanningResult],
     time_limit: float | None,
 ) -> PlanningResult:
     """Return the first plan of the robot that results, or why there is none.
 
-    `plan` plans on a graph from a start. After a time limit [s] no further start is tried. Raises
-    as `starts_with_failed_joints`, but for a start that is not possible, which the result tells.
+    `plan` plans on a graph from a start in a time [s], None for no limit. All starts share the time
+    limit [s]. Raises as `starts_with_failed_joints`, but for a start that is not possible, which
+    the result tells.
     """
-    timer, began = Timer(), time.monotonic()
+    timer, began = Timer(), time.perf_counter()
     try:
         for results_in, given in starts_with_failed_joints(graph, failed, start):
-            result = plan(results_in, given)
-            over = time_limit is not None and time.monotonic() - began > time_limit
-            if result.plan is not None or over:
+            spent = time.perf_counter() - began
+            remaining = None if time_limit is None else max(time_limit - spent, 0.0)
+            result = plan(results_in, given, remaining)
+            if result.plan is not None or remaining == 0.0:
                 break
     except StanceError as error:
         return without_plan(START_INFEASIBLE, str(error), timer)

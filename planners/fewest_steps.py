@@ -8,12 +8,15 @@ Threads share the support sets of a level: all that they write at the same place
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, in_parallel, kernel
 from mlivr_gym.compiled.limb_branch_sets import has_bit
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.stances.node_table import NodeTable
 
 UNREACHED, FORBIDDEN = -1, -2
@@ -28,7 +31,12 @@ LEAST_IN_THREADS = 50_000
 
 
 def fewest_steps(
-    table: NodeTable, goals: BoolArray, forbidden: BoolArray, starts: IntArray, extension: int
+    table: NodeTable,
+    goals: BoolArray,
+    forbidden: BoolArray,
+    starts: IntArray,
+    extension: int,
+    clock: Clock = UNLIMITED,
 ) -> tuple[NDArray[np.int16], float]:
     """Compute the fewest steps from each of n nodes to the goal.
 
@@ -48,13 +56,20 @@ def fewest_steps(
         reached = np.zeros(1, dtype=np.bool_)
         given = table, level, steps, support_set_status, reached
         for count, share in ((len(steps), _mark_frontier), (len(table.start) - 1, _expand_level)):
-            in_parallel(count, share, *given, scratch_rows=rows, least=LEAST_IN_THREADS)
+            for piece in clock.pieces(share.__name__, count):
+                size, shifted = piece.stop - piece.start, _shifted(share, piece.start)
+                in_parallel(size, shifted, *given, scratch_rows=rows, least=LEAST_IN_THREADS)
         if not reached[0]:
             return steps, np.inf
         level += 1
         if limit == np.inf and (steps[starts] != UNREACHED).all():
             limit = int(steps[starts].max(initial=0)) + extension
     return steps, level + 1.0
+
+
+def _shifted(share: Callable[..., None], first: int) -> Callable[..., None]:
+    """Return an entry over a range of items that begins at another one than 0."""
+    return lambda start, stop, *given: share(first + start, first + stop, *given)
 
 
 @entry

@@ -71,10 +71,12 @@ class ImplicitSearch(PathSearch):
         """Lower bounds of the steps to the goal."""
         graph, goal = self.graph, self.goal
         sets = graph.sets(build=False) if graph.searches_sets else None
-        return MoveBounds(graph, goal) if sets is None else SetBounds(graph, sets, goal)
+        if sets is None:
+            return MoveBounds(graph, goal, self.clock)
+        return SetBounds(graph, sets, goal, self.clock)
 
-    def paths(self) -> Iterator[StatePath]:
-        """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         self._push_start()
         while self._continues():
             queue = self._next_queue()
@@ -198,7 +200,8 @@ class ImplicitSearch(PathSearch):
             return
         rows = np.array(stances, dtype=np.int64)
         self.check_effort += EDGE_EFFORT * len(rows)  # a posture counts as an edge
-        postures = self.graph.nodes(rows)
+        pieces = self.clock.pieces("postures", len(rows))
+        postures = join(*[self.graph.nodes(rows[piece]) for piece in pieces])
         nodes = np.flatnonzero(self.graph.is_node(postures))
         if not len(nodes):
             return
@@ -224,19 +227,25 @@ class ImplicitSearch(PathSearch):
         if not batch:
             return
         self.check_effort += EDGE_EFFORT * len(batch)
+        pieces = self.clock.pieces("edges", len(batch))
+        branch_sets = np.concatenate([self._branch_sets_after(batch[piece]) for piece in pieces])
+        for entry, after in zip(batch, branch_sets, strict=True):
+            entry.done = not after.all()
+            if not entry.done:
+                entry.state, entry.checked = State(entry.state.stance, tuple(after.tolist())), True
+                self._push(entry)
+
+    def _branch_sets_after(self, batch: list[Entry]) -> IntArray:
+        """Check the steps to stances; return the branch sets after them, shape (k, N)."""
         parents = list(dict.fromkeys(entry.parent for entry in batch if entry.parent is not None))
-        branch_sets = self.graph.branch_sets_after(
+        found: IntArray = self.graph.branch_sets_after(
             [parent.state for parent in parents],
             join(*(parent.posture for parent in parents)),
             np.array([parents.index(entry.parent) for entry in batch if entry.parent is not None]),
             np.array([entry.state.stance for entry in batch], dtype=np.int64),
             join(*(entry.posture for entry in batch)),
         )
-        for entry, after in zip(batch, branch_sets, strict=True):
-            entry.done = not after.all()
-            if not entry.done:
-                entry.state, entry.checked = State(entry.state.stance, tuple(after.tolist())), True
-                self._push(entry)
+        return found
 
     def _expand(self, entry: Entry) -> bool:
         """Expand an entry unless it is dominated; return whether it is at the goal."""

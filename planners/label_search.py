@@ -15,9 +15,9 @@ result does not depend on that order, since the search ends by the lower bound o
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from typing import NamedTuple
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ from mlivr_gym.planners.bucket_queue import (
     requeue,
 )
 from mlivr_gym.planners.checked_edges import slot_of
+from mlivr_gym.planners.clock import UNLIMITED, Clock, OutOfTime
 from mlivr_gym.planners.labels import (
     CAPACITY,
     CHECK_BATCH,
@@ -59,7 +60,7 @@ from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 
 CLOCK_INTERVAL = 1 << 14
-"""Number of labels taken from the queue between two readings of the clock."""
+"""Maximum number of labels taken from the queue between two readings of the clock."""
 
 SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
@@ -142,7 +143,7 @@ def cheapest_path(
     parameters: SearchParameters,
     *,
     cost_limit: float = np.inf,
-    deadline: float = np.inf,
+    clock: Clock = UNLIMITED,
     check: Check | None = None,
     check_nodes: NodeCheck | None = None,
 ) -> SearchOutcome:
@@ -165,8 +166,8 @@ def cheapest_path(
         Parameters of the search.
     cost_limit
         Cost that the path must stay below.
-    deadline
-        When to end, on the clock of `time.perf_counter` [s].
+    clock
+        When to end.
     check
         Function that checks edges; needed if `parameters.check_when_popped`.
     check_nodes
@@ -175,30 +176,19 @@ def cheapest_path(
     status = SearchStatus.row()
     for name, value in parameters._asdict().items():
         status[name] = value
-    status["incumbent_cost"], status["clock_interval"], status["incumbent"] = (
-        cost_limit,
-        CLOCK_INTERVAL,
-        NO_LABEL,
-    )
+    status["incumbent_cost"], status["incumbent"] = cost_limit, NO_LABEL
     h_origins = search_graph.delays.added_to(h, origins.nodes)
     estimates = status["cost_weight"] * origins.cost + h_origins
     labels.reset_nodes()
     labels.queue.reset(float(estimates.min(initial=np.inf)), bucket_width(search_graph.weights))
     end = PAUSED
-    while end in (PAUSED, CHECKS_PENDING) and time.perf_counter() < deadline:
-        end = int(_search(search_graph, h, status, origins, labels))
-        if end == CHECKS_PENDING:
-            pending = labels.pending[: int(status["pending"])]
-            if parameters.check_when_popped:
-                assert check is not None
-                after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
-            else:
-                assert check_nodes is not None
-                pending = pending[::-1].copy()  # popped again in the same order
-                check_nodes(labels.queue.node[pending].astype(np.int64))
-                after = labels.branch_sets[pending]
-            requeue_checked(labels, pending, after)
-            status["pending"] = 0
+    with suppress(OutOfTime):
+        while end in (PAUSED, CHECKS_PENDING):
+            with clock.piece("labels", CLOCK_INTERVAL) as interval:
+                status["clock_interval"] = interval
+                end = int(_search(search_graph, h, status, origins, labels))
+            if end == CHECKS_PENDING:
+                _check_pending(status, labels, check, check_nodes)
     if not status["initialised"]:
         return SearchOutcome(None, 0.0, end, 0)
     lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
@@ -206,6 +196,23 @@ def cheapest_path(
         lower_bound = min(lower_bound, labels.queue.lower_bound)
     path = None if found == NO_LABEL else labels.path_to(found)
     return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
+
+
+def _check_pending(
+    status: Any, labels: Labels, check: Check | None, check_nodes: NodeCheck | None
+) -> None:
+    """Check the edges or nodes of pending labels, and push those that keep branches again."""
+    pending = labels.pending[: int(status["pending"])]
+    if status["check_when_popped"]:
+        assert check is not None
+        after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
+    else:
+        assert check_nodes is not None
+        pending = pending[::-1].copy()  # popped again in the same order
+        check_nodes(labels.queue.node[pending].astype(np.int64))
+        after = labels.branch_sets[pending]
+    requeue_checked(labels, pending, after)
+    status["pending"] = 0
 
 
 @entry

@@ -21,6 +21,9 @@ CAPACITY = 1 << 22
 CHECK_BATCH, NODE_BATCH = 64, 512
 """Maximum number of edges and of nodes that are checked in one batch."""
 
+MOST_EXPLORED = 20_000
+"""Maximum number of explored edges that a result tells, to be drawn."""
+
 NO_LABEL = -1
 """Index that stands for no label."""
 
@@ -88,10 +91,12 @@ class Labels(NamedTuple):
     def explored_edges(self, expanded: int, base: Array, origins: Array) -> Array:
         """Return base positions at both ends of the edges to expanded labels [m], shape (e, 2, 3).
 
+        With many labels these are the edges to the first ones.
+
         Nodes have base positions (n, 3), places before the origins (k, 3). Edges to origins that
         start where they end are omitted.
         """
-        explored = self.expanded[:expanded]
+        explored = self.expanded[: min(expanded, MOST_EXPLORED)]
         parent = self.parent[explored]
         after, is_step = base[self.queue.node[explored]], parent >= 0
         before = after.copy()

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.labels import NO_NODES, NodePath
 from mlivr_gym.planners.path_search import EDGE_EFFORT, NODE_EFFORT, StatePath
 from mlivr_gym.postures.postures import Postures
@@ -63,6 +65,10 @@ class LazyTable(ABC):
         self.version, self.table, self.check_effort = graph.version, table, 0
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and no results of checks."""
+        return make_lazy_table, (vars(self)["graph"],)
+
     @property
     def unchecked(self) -> BoolArray:
         """Whether each node may lose branches to obstacles in a check, (n,), or (0,) if none may.
@@ -71,9 +77,14 @@ class LazyTable(ABC):
         """
         return NO_NODES
 
-    @abstractmethod
-    def check_nodes(self, rows: IntArray) -> None:
+    def check_nodes(self, rows: IntArray, clock: Clock = UNLIMITED) -> None:
         """Check nodes against obstacles, (k,)."""
+        for piece in clock.pieces("nodes", len(rows)):
+            self._check_nodes(rows[piece])
+
+    @abstractmethod
+    def _check_nodes(self, rows: IntArray) -> None:
+        """Check some of these nodes at once, (k,)."""
 
     @abstractmethod
     def branch_sets_after(
@@ -84,7 +95,7 @@ class LazyTable(ABC):
         The numbers of the edges, the branches before them and those after have shape (k,).
         """
 
-    def checked_branch_sets(self, path: NodePath) -> NDArray[np.uint64] | None:
+    def checked_branch_sets(self, path: NodePath, clock: Clock) -> NDArray[np.uint64] | None:
         """Check the edges of a path; return the branches that limbs may be on along it.
 
         The branch sets, see `limb_branch_sets`, have shape (k + 1,); they are None if a limb keeps
@@ -127,7 +138,7 @@ class LazyTwoLimbTable(LazyTable):
         table.branch_sets[rows] = packed(steps.branch_sets[rows])
         table.releasable[rows] &= packed(able) & table.branch_sets[rows]
 
-    def check_nodes(self, rows: IntArray) -> None:
+    def _check_nodes(self, rows: IntArray) -> None:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         self.check_effort += NODE_EFFORT * len(rows)
         if not self.is_complete:
@@ -210,7 +221,7 @@ class LazyNodeTable(LazyTable):
         """The nodes that may lose branches in a check, see `LazyTable.unchecked`."""
         return self._may_touch(slice(None)) if self.graph.obstacles else NO_NODES
 
-    def check_nodes(self, rows: IntArray) -> None:
+    def _check_nodes(self, rows: IntArray) -> None:
         """Check nodes against obstacles, see `LazyTable.check_nodes`."""
         if not self.graph.obstacles:
             return
@@ -245,9 +256,10 @@ class LazyNodeTable(LazyTable):
             after, reverse, kept
         )
 
-    def checked_branch_sets(self, path: NodePath) -> NDArray[np.uint64] | None:
+    def checked_branch_sets(self, path: NodePath, clock: Clock) -> NDArray[np.uint64] | None:
         """Check the edges of a path, see `LazyTable.checked_branch_sets`."""
-        self.check_edges(path.edges)
+        for piece in clock.pieces("edges", len(path.edges)):
+            self.check_edges(path.edges[piece])
         table, limbs = self.table, self.table.limbs
         (before, i), (after, j), _ = edge_ends(table, path.edges)
         kept = unpacked(self.checked_edges.kept_on(path.edges), limbs - 1)

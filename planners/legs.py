@@ -9,7 +9,6 @@ nothing. If none leads away from the start, the search for the goal at once tell
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -76,7 +75,7 @@ def search_by_legs(
             length = LEG
             continue
         failed += 1
-        is_over = expanded >= search.limit or time.perf_counter() >= search.deadline
+        is_over = expanded >= search.limit or search.clock.is_over
         if is_over or failed > MOST_FAILED:
             if len(stops) == 1 and not is_over:
                 return find(_leg(search, None, search.limit), start)

@@ -91,7 +91,7 @@ class LevelSearch(PathSearch):
         at_goal = nodes[np.isin(nodes, self._goals)]
         self._origin_at_goal = int(at_goal[0]) if len(at_goal) else -1
 
-    def paths(self) -> Iterator[StatePath]:
+    def _paths(self) -> Iterator[StatePath]:
         """Yield a path of fewest steps, if there is one."""
         step_weight = self.goal.cost.step_weight
         while not self.is_late and self.expanded < self.search.limit:
@@ -129,7 +129,9 @@ class LevelSearch(PathSearch):
         self.check_effort += EDGE_EFFORT * len(steps)
         for s in (before, after):
             self._levels.is_checked[s, support] = True
-        return self.graph.kept_branches(support, before, after)
+        pieces = self.clock.pieces("edges", len(steps))
+        kept = [self.graph.kept_branches(support[k], before[k], after[k]) for k in pieces]
+        return np.concatenate([np.zeros(0, dtype=np.int64), *kept])
 
     def _fewest_steps(self) -> int:
         """Return the fewest steps from an origin to the goal, -1 if none lead there."""

@@ -16,6 +16,8 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.kinematics.batches import distances, rows_close
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
+from mlivr_gym.planners.building import result_by_deadline
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.labels import Labels
@@ -77,6 +79,10 @@ class LowerBounds:
         self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
         self._extension = (0.0, 0) if two_limbs else SEARCH_EXTENSION
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and none of the bounds."""
+        return type(self), (self.graph,)
+
     @property
     def lazy_table(self) -> LazyTable:
         """Nodes and edges in the present world, with the results of earlier checks in it."""
@@ -94,37 +100,55 @@ class LowerBounds:
             return stored
         return stored._replace(h=np.where(self._occupied_nodes(), np.inf, stored.h))
 
-    def compute(self, goal: Goal, starts: IntArray) -> GoalBounds:
-        """Compute and cache bounds from some nodes with the points occupied now."""
-        goals, occupied = self._goal_nodes(goal), self._occupied_nodes()
-        bounds = self._compute(self.table, goal.cost, goals, starts, occupied)
+    def compute(self, goal: Goal, starts: IntArray, clock: Clock = UNLIMITED) -> GoalBounds:
+        """Compute and cache bounds from some nodes with the points occupied now.
+
+        They take seconds for a large table; at the deadline they are still being computed.
+        """
+        goals, forbidden = self._goal_nodes(goal), self._occupied_nodes()
+        occupied = frozenset(self.graph.occupied)
+        bounds = result_by_deadline(
+            ("bounds", id(self), goal.key, occupied, starts.tobytes()),
+            lambda: self._compute(self.table, goal.cost, goals, starts, forbidden, UNLIMITED),
+            clock.deadline,
+        )._replace(occupied=occupied)
         self._cached_bounds[goal.key] = bounds
         self._cached_bounds.move_to_end(goal.key)
         if len(self._cached_bounds) > self._cache_size:
             self._cached_bounds.popitem(last=False)
         return bounds
 
-    def among_checked(self, cost: Cost, goals: BoolArray, starts: IntArray) -> GoalBounds:
+    def among_checked(
+        self, cost: Cost, goals: BoolArray, starts: IntArray, clock: Clock
+    ) -> GoalBounds:
         """Compute bounds of the cost from some nodes to others, of which `goals` tells, (n,).
 
         They hold for paths over the nodes that keep branches so far and the edges between them.
         """
         table = self.lazy_table.table
         forbidden = self._occupied_nodes() | (table.branch_sets == 0)
-        return self._compute(table, cost, goals, starts, forbidden)
+        return self._compute(table, cost, goals, starts, forbidden, clock)
 
     def _compute(
-        self, table: NodeTable, cost: Cost, goals: BoolArray, starts: IntArray, forbidden: BoolArray
+        self,
+        table: NodeTable,
+        cost: Cost,
+        goals: BoolArray,
+        starts: IntArray,
+        forbidden: BoolArray,
+        clock: Clock,
     ) -> GoalBounds:
         """Compute bounds from some nodes for paths that do not enter forbidden nodes."""
         if cost.base_weight:
             extension = self._extension[0], self._extension[1] * cost.step_weight
-            start_bounds = self._start_bounds(cost, starts, forbidden)
+            start_bounds = self._start_bounds(cost, starts, forbidden, clock)
             h, exact = costs_to_goal(
-                table, goals, cost_weights(cost), starts, start_bounds, extension
+                table, goals, cost_weights(cost), starts, start_bounds, extension, clock=clock
             )
         else:
-            steps, smallest = fewest_steps(table, goals, forbidden, starts, self._extension[1])
+            steps, smallest = fewest_steps(
+                table, goals, forbidden, starts, self._extension[1], clock
+            )
             exact = steps >= 0
             h = cost.step_weight * np.where(exact, steps, smallest)
             h[forbidden] = np.inf
@@ -139,7 +163,7 @@ class LowerBounds:
         none = np.zeros(len(h), dtype=np.bool_)
         return GoalBounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
-    def from_start(self, cost: Cost, start: int, goals: IntArray) -> Array:
+    def from_start(self, cost: Cost, start: int, goals: IntArray, clock: Clock) -> Array:
         """Return lower bounds of the cost from a node to each one, 0 at itself alone, shape (n,).
 
         Those of steps hold for paths over the nodes that keep branches so far, and are tight at the
@@ -147,7 +171,7 @@ class LowerBounds:
         """
         base = self.table.base_position
         if not cost.base_weight:
-            return self.among_checked(cost, np.arange(len(base)) == start, goals).h
+            return self.among_checked(cost, np.arange(len(base)) == start, goals, clock).h
         away = distances(base, base[start])
         h = cost.heuristic("consistent", away, 0.0, self.graph.max_displacement)
         h = np.maximum(h, MIN_COST_OUTSIDE_GOAL)
@@ -181,13 +205,16 @@ class LowerBounds:
         goals[rows] = goal.on_goal_face(self.table.points[rows].astype(np.int64))
         return goals
 
-    def _start_bounds(self, cost: Cost, starts: IntArray, forbidden: BoolArray) -> Array:
+    def _start_bounds(
+        self, cost: Cost, starts: IntArray, forbidden: BoolArray, clock: Clock
+    ) -> Array:
         """Return lower bounds of the cost from the starts, infinite if forbidden, (n,)."""
         table, count = self.table, len(self.table.points)
         if len(starts) > MAX_STARTS:
             return np.where(forbidden, np.inf, 0.0)
         squared_distance: Array = np.full(count, np.inf)
         for start in table.base_position[starts]:
+            clock.check()
             offset = table.base_position - start
             np.minimum(
                 squared_distance, np.einsum("ij,ij->i", offset, offset), out=squared_distance
@@ -197,7 +224,7 @@ class LowerBounds:
             # Pairs of nodes are symmetric, so this is also the number of steps from the starts.
             is_start, no_starts = np.zeros(count, dtype=np.bool_), np.zeros(0, dtype=np.int64)
             is_start[starts] = True
-            steps, _ = fewest_steps(table, is_start, forbidden, no_starts, MAX_STEPS)
+            steps, _ = fewest_steps(table, is_start, forbidden, no_starts, MAX_STEPS, clock)
             start_bounds += cost.step_weight * np.where(steps >= 0, steps, np.inf)
         start_bounds[forbidden] = np.inf
         return start_bounds

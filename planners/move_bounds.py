@@ -18,6 +18,7 @@ from itertools import combinations
 import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -37,14 +38,14 @@ class MoveBounds:
         cannot reach the goal or cannot hold both points.
     """
 
-    def __init__(self, graph: StanceGraph, goal: Goal) -> None:
+    def __init__(self, graph: StanceGraph, goal: Goal, clock: Clock = UNLIMITED) -> None:
         """Compute the moves to a goal."""
         robot, positions = graph.robot, graph.grasp_map.positions
         at_goal = goal.distance(positions) <= robot.reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
             at_goal &= goal.on_face
         self.alone: Array = np.where(at_goal, 0.0, 1.0)
-        self.pairs = _fewest_moves(graph.compatible, at_goal)
+        self.pairs = _fewest_moves(graph.compatible, at_goal, clock)
         self._partitions = list(partitions(tuple(range(graph.limbs))))
 
     def steps(self, stances: IntArray) -> Array:
@@ -79,12 +80,13 @@ def partitions(limbs: tuple[int, ...]) -> Iterator[Partition]:
             yield (*more, (first,))
 
 
-def _fewest_moves(compatible: BoolArray, at_goal: BoolArray) -> Array:
+def _fewest_moves(compatible: BoolArray, at_goal: BoolArray, clock: Clock) -> Array:
     """Return the fewest moves of two limbs to points at the goal, shape (m, m)."""
     moves = np.full(compatible.shape, np.inf)
     frontier: BoolArray = np.logical_and(compatible, np.outer(at_goal, at_goal))
     count = 0
     while frontier.any():
+        clock.check()
         moves[frontier] = count
         count += 1
         # The first limb moves while the second holds, or the second while the first holds.

@@ -6,14 +6,15 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -58,15 +59,21 @@ class PathSearch(ABC):
     def __init__(self, graph: StanceGraph, search: SearchQuery, start: State) -> None:
         """Prepare a search from a state."""
         self.graph, self.search, self.goal, self.start = graph, search, search.goal, start
+        self.clock = search.clock
         self.lower_bound, self.incumbent_cost = 0.0, np.inf
         self.expanded = self.generated = self.backward_expanded = self.check_effort = 0
         self.start_posture = graph.posture_of(start)
         position = self.start_posture.base_position[0]
         self.starts_at_goal = bool(self.goal.reached(position, start.stance))
 
-    @abstractmethod
     def paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+        with suppress(OutOfTime):
+            yield from self._paths()
+
+    @abstractmethod
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield these paths; raise `OutOfTime` at the deadline."""
 
     @abstractmethod
     def is_connected(self) -> bool:
@@ -79,7 +86,7 @@ class PathSearch(ABC):
     @property
     def is_late(self) -> bool:
         """Whether the time or the effort of the query is spent."""
-        return self.effort >= self.search.effort or time.perf_counter() >= self.search.deadline
+        return self.effort >= self.search.effort or self.clock.is_over
 
     @property
     def effort(self) -> int:

@@ -42,6 +42,7 @@ from mlivr_gym.planners.refinement import check_fits, refined
 from mlivr_gym.planners.searches import GraphSearcher, path_along
 from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.schema import Integer
+from mlivr_gym.sharing import OnGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -50,7 +51,7 @@ CACHED_TABLES = 16
 """Maximum number of exact cost-to-go tables that a planner caches."""
 
 
-class Planner:
+class Planner(OnGraph):
     """Planner of hand-over-hand walks on one stance graph.
 
     States are stances with the branches that each limb may be on; plans are found by label-setting
@@ -72,6 +73,10 @@ class Planner:
         self.graph, self._searcher = graph, GraphSearcher(graph)
         self._committed_steps = CommittedSteps(graph)
         self._cost_tables: OrderedDict[tuple[Any, ...], CostToGo] = OrderedDict()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the graph alone, and none of the results."""
+        return type(self), (self.graph,)
 
     @checked(QUERY)
     def plan(
@@ -177,12 +182,12 @@ class Planner:
         """
         if failed_joints:
 
-            def planned(graph: StanceGraph, given: Start) -> PlanningResult:
+            def planned(graph: StanceGraph, given: Start, seconds: float | None) -> PlanningResult:
                 return Planner(graph).plan(
                     given[0], goal, cost, regrasp_price=regrasp_price, method=method,
                     heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
                     goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                    time_limit=time_limit, effort=effort, route=route, progress=progress,
+                    time_limit=seconds, effort=effort, route=route, progress=progress,
                 )  # fmt: skip
 
             given = start, start_pose, start_joints
@@ -218,8 +223,8 @@ class Planner:
     ) -> Cause:
         """Return the rule that cuts a goal off from the start, and what would help.
 
-        The query is repeated on graphs without obstacles, collisions, thresholds, joint limits or
-        step checks, which takes some seconds.
+        If there is a plan, the message says so. Otherwise the query is repeated on graphs without
+        obstacles, collisions, thresholds, joint limits or step checks, which takes some seconds.
 
         The arguments are those of `plan`; with more than two limbs each search expands at most
         `limit` states. Raises an `MlivrError` if an argument cannot be used, or the start cannot be
@@ -228,6 +233,12 @@ class Planner:
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
         limit = MAX_EXPANSIONS if isinstance(self.graph, TwoLimbGraph) else limit
+        search = SearchQuery.from_options(self.graph, target, limit=limit)
+        found = self._searched(search, start_state, Timer())
+        if found:
+            return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")
+        if found.reason == NO_SWING:
+            return Cause((), found.message)
         return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
@@ -250,7 +261,7 @@ class Planner:
         result = self._searcher.find(search, start_state)
         timer.search = timer.lap()
         if result is None:
-            return without_plan(GOAL_UNREACHABLE, not_connected(search.goal), timer)
+            return without_plan(GOAL_UNREACHABLE, not_connected(self.graph, search.goal), timer)
         if result.status != GOAL_REACHED:
             message = why_no_path(self.graph, result, search, start_state)
             return without_plan(result.status, message, timer, result)

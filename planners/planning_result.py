@@ -13,6 +13,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners.outcome import LIMIT_REACHED, SEARCH_EXHAUSTED, Improvement, SearchResult
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
@@ -77,9 +78,31 @@ class PlanningResult:
         return self.plan
 
 
-def not_connected(goal: Goal) -> str:
-    """Return the message about a goal that no sequence of moves connects with the start."""
+def too_far(graph: StanceGraph, goal: Goal) -> str:
+    """Return the message about a goal near which no stance has its base, empty if one has.
+
+    It is empty for more than two limbs, too, whose stances are not all known.
+    """
+    if not isinstance(graph, TwoLimbGraph):
+        return ""
+    is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
+    if not is_goal.any():  # it may be that all points are occupied
+        of_face = f"no stance holds points of face {goal.face!r} with all limbs"
+        return "" if goal.face is None else of_face
+    smallest = float(goal.distance(graph.base_position)[is_goal].min())
+    if smallest <= goal.tolerance:
+        return ""
+    on_face = f" on face {goal.face!r}" if goal.face else ""
     return (
+        f"no stance{on_face} has its base within {goal.tolerance:g} m of goal "
+        f"{goal.target.tolist()}; the nearest is {smallest:.3f} m away: a goal_tolerance of "
+        f"{smallest + 0.0005:.3f} m would have one"
+    )
+
+
+def not_connected(graph: StanceGraph, goal: Goal) -> str:
+    """Return the message about a goal that no sequence of moves connects with the start."""
+    return too_far(graph, goal) or (
         f"no stance that can be reached from the start has its base within {goal.tolerance:g} m of "
         f"goal {goal.target.tolist()}"
     )
@@ -101,8 +124,8 @@ def why_no_path(
     detail = f" after {result.expanded} expansions, no path from {start} to {goal}"
     if result.status == LIMIT_REACHED and not result.expanded:
         detail = (
-            f": the tables of this robot on this map were not built within "
-            f"{search.time_limit:g} s; they are still being built, so plan again"
+            ": the tables of this robot on this map, or the bounds of this goal, were not computed "
+            f"within {search.time_limit:g} s; plan again, or for longer"
         )
     elif not result.expanded and (start_state.pose is None or graph.successors(start_state)):
         detail = f": no sequence of moves leads from {start} to {goal}, on whatever branches"

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan_parts import Query
+from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.planners.failed_joints import FAILED_JOINTS
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, ListOf, OrNone, Tuples
@@ -155,8 +156,10 @@ class SearchQuery:
     route: Sequence[Sequence[float] | Array] | None = None
     """Places on the way to the goal [m], along which the search goes in legs; None for a search at
     once."""
-    start_time: float = field(default_factory=time.perf_counter)
+    start_time: float = 0.0
     """Time at which the query was made, on the clock of `time.perf_counter` [s]."""
+    clock: Clock = UNLIMITED
+    """When the search must end, and in which pieces it works."""
 
     @classmethod
     def from_options(
@@ -216,14 +219,11 @@ class SearchQuery:
         if not (two_limbs or is_algorithm1) and (method == "greedy" or heuristic == "paper"):
             inflation = math.inf
         effort = sys.maxsize if effort is None else min(effort, sys.maxsize)
+        start_time = time.perf_counter()
         return cls(
-            goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime, route
-        )
-
-    @property
-    def deadline(self) -> float:
-        """Return when the search must end, on the clock of `time.perf_counter` [s]."""
-        return self.start_time + self.time_limit
+            goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime, route,
+            start_time, Clock(start_time + seconds),
+        )  # fmt: skip
 
     @property
     def cost_weight(self) -> float:

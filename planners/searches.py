@@ -16,7 +16,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners.algorithm1 import algorithm1
-from mlivr_gym.planners.building import complete_by_deadline
+from mlivr_gym.planners.building import result_by_deadline
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.implicit_search import ImplicitSearch
 from mlivr_gym.planners.legs import search_by_legs
 from mlivr_gym.planners.level_search import LevelSearch
@@ -123,13 +124,20 @@ class GraphSearcher:
 
         A move changes the point of one limb, whether or not a step can make it.
         """
+        try:
+            return self._find(search, start)
+        except OutOfTime:
+            return _nothing_found(start)
+
+    def _find(self, search: SearchQuery, start: State) -> SearchResult | None:
+        """Search as `find` does; raise `OutOfTime` if the time is over before a search begins."""
         graph = self.graph
         if search.route is not None:
             return search_by_legs(graph, search, start, self.find)
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
-        if isinstance(graph, ImplicitGraph) and not self._tables_are_ready(graph, search):
-            return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
+        if isinstance(graph, ImplicitGraph):
+            self._prepare_tables(graph, search)
         if isinstance(graph, TwoLimbGraph) and LevelSearch.answers(graph, search):
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
@@ -165,23 +173,30 @@ class GraphSearcher:
         They do if all stances are checked.
         """
         assert isinstance(self.graph, TwoLimbGraph)
-        lower_bounds.lazy_table.check_nodes(np.arange(len(self.graph)))
+        lower_bounds.lazy_table.check_nodes(np.arange(len(self.graph)), search.clock)
         table_search = TableSearch(lower_bounds, search, start)
         if table_search.proves(np.inf):
             return run_search(table_search)
         return run_search(LevelSearch(self.graph, search, start))
 
-    def _tables_are_ready(self, graph: ImplicitGraph, search: SearchQuery) -> bool:
-        """Return whether the tables that a search needs are built before its deadline."""
-        key = key_of(graph)
-        if graph.table is None and not complete_by_deadline(
-            ("nodes", key), lambda: find_table(graph), search.deadline
-        ):
-            return False
-        is_needless = not (self.build_sets and graph.searches_sets)
-        if is_needless or graph.table is not None or find_table(graph) is not None:
-            return True
-        return complete_by_deadline(("sets", key), graph.sets, search.deadline)
+    def _prepare_tables(self, graph: ImplicitGraph, search: SearchQuery) -> None:
+        """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.
+
+        They are still being built then.
+        """
+        if graph.table is not None:
+            return
+        key, deadline = key_of(graph), search.clock.deadline
+        result_by_deadline(("nodes", key), lambda: find_table(graph), deadline)
+        needs_sets = self.build_sets and graph.searches_sets
+        # An equal graph may have started the thread, which found the table for that one.
+        if needs_sets and graph.table is None and find_table(graph) is None:
+            result_by_deadline(("sets", key), graph.sets, deadline)
+
+
+def _nothing_found(start: State) -> SearchResult:
+    """Return the result of a search for which there was no time."""
+    return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
 
 
 def run_search(path_search: PathSearch) -> SearchResult | None:

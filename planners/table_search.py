@@ -18,8 +18,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import count, islice
+from typing import Any
 
 import numpy as np
 
@@ -39,7 +40,7 @@ from mlivr_gym.planners.label_search import (
 from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
-from mlivr_gym.planners.query import SearchQuery
+from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.planners.search_stages import (
     BY_WEIGHT,
@@ -55,7 +56,7 @@ from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.transitions.state import State
 
 NODES_CHECKED_AROUND_GOAL = 20_000
-"""Nodes that are checked around the goal at first, and at most between readings of the clock."""
+"""Nodes that are checked around the goal at first, and at most before the effort is compared."""
 
 FIRST_EXPANSION_LIMIT = 50
 """Labels that a search expands before one from the other end improves the lower bounds."""
@@ -80,7 +81,12 @@ class TableSearch(PathSearch):
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         self._origin_paths: list[StatePath] = []
+        self._check_nodes = partial(self._lazy_table.check_nodes, clock=self.clock)
         self._set_origins(StatePath((start,), self.start_posture.base_position))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the query alone; a copy begins again."""
+        return type(self), (self._lower_bounds, self.search, self.start)
 
     def _set_origins(self, start: StatePath) -> None:
         """Set the nodes at which paths may start, each with its path and limb relabelling."""
@@ -115,11 +121,8 @@ class TableSearch(PathSearch):
         stages: tuple[SearchStage, ...] = STAGES
         first: tuple[SearchStage, ...] = (FIRST_PATH,)
         if lazy_table.label_independent:
-            stages = (
-                SearchStage(
-                    SearchParameters(search.cost_weight, check_when_popped=not is_complete)
-                ),
-            )
+            by_cost = SearchParameters(search.cost_weight, check_when_popped=not is_complete)
+            stages = (SearchStage(by_cost),)
             if search.heuristic != "relaxed":
                 yield self._lower_bounds.from_distance(search), stages
                 return
@@ -131,19 +134,17 @@ class TableSearch(PathSearch):
         known = self._lower_bounds.cached(goal, starts)
         if search.has_given_order and not lazy_table.label_independent:
             if search.method != "dijkstra":
-                known = known or self._lower_bounds.compute(goal, starts)
+                known = known or self._bounds(goal)
                 self._raise_lower_bound(known)
             bounds, by_weight = self._lower_bounds.from_distance(search), BY_WEIGHT.parameters
             if search.heuristic == "zero":
-                yield (
-                    bounds,
-                    (*(OBSTACLE_STAGES[:2] if self.graph.obstacles else ()), *EXACT_STAGES),
-                )
+                quick = OBSTACLE_STAGES[:2] if self.graph.obstacles else ()
+                yield bounds, (*quick, *EXACT_STAGES)
                 return
             by_weight = by_weight._replace(cost_weight=search.cost_weight)
             yield bounds, (BY_WEIGHT._replace(parameters=by_weight),)
         if lazy_table.label_independent and not is_complete:
-            yield from self._improved_bounds(known or self._lower_bounds.compute(goal, starts))
+            yield from self._improved_bounds(known or self._bounds(goal))
             return
         if known is not None and (
             lazy_table.label_independent or known.occupied == self.graph.occupied
@@ -151,14 +152,13 @@ class TableSearch(PathSearch):
             yield known, stages
             return
         if known is not None:
-            quick = first == (FIRST_PATH,) and goal.cost.base_weight
-            yield known, (QUICK_FIRST_PATH,) if quick else first
+            is_quick = first == (FIRST_PATH,) and goal.cost.base_weight
+            yield known, (QUICK_FIRST_PATH,) if is_quick else first
         if goal.cost.base_weight and not (lazy_table.label_independent or self.has_path):
             steps = replace(goal, cost=Cost.named("steps"))
-            found = self._lower_bounds.cached(steps, starts)
-            yield found or self._lower_bounds.compute(steps, starts), first
+            yield self._bounds(steps), first
         if not self.is_late:
-            new = self._lower_bounds.compute(goal, starts)
+            new = self._lower_bounds.compute(goal, starts, self.clock)
             self.backward_expanded += int(new.is_tight.sum())
             yield new, stages
 
@@ -170,8 +170,7 @@ class TableSearch(PathSearch):
         """
         goal, starts, chosen = self.goal, self._origins.nodes, NODES_CHECKED_AROUND_GOAL
         steps, lazy_table = replace(goal, cost=Cost.named("steps")), self._lazy_table
-        bounds = self._lower_bounds.cached(goal, starts) or self._lower_bounds.cached(steps, starts)
-        bounds = bounds or self._lower_bounds.compute(steps, starts)
+        bounds = self._lower_bounds.cached(goal, starts) or self._bounds(steps)
         stage = QUICK_FIRST_PATH_AMONG_OBSTACLES
         yield bounds, (*OBSTACLE_STAGES[:2], stage)
         while not (self.has_path or self.is_late):
@@ -182,9 +181,9 @@ class TableSearch(PathSearch):
             for first in range(0, chosen, NODES_CHECKED_AROUND_GOAL):
                 if self.is_late:
                     return
-                lazy_table.check_nodes(rows[first : first + NODES_CHECKED_AROUND_GOAL])
+                self._check_nodes(rows[first : first + NODES_CHECKED_AROUND_GOAL])
             is_goal, chosen = bounds.h == 0.0, 2 * chosen
-            bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts)
+            bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts, self.clock)
             stage = stage._replace(max_searches=2 * (stage.max_searches or 1))
             yield bounds, (stage,)
 
@@ -193,7 +192,7 @@ class TableSearch(PathSearch):
     ) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
         """Yield lower bounds that rise to the exact cost-to-go as more edges are checked."""
         search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
-        self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h == 0.0))
+        self._check_nodes(np.flatnonzero(goal_bounds.h == 0.0))
         while True:
             goal_bounds = self._bounds_of_rest(goal_bounds)
             parameters = SearchParameters(
@@ -209,7 +208,12 @@ class TableSearch(PathSearch):
                 )
             expansion_limit *= LIMIT_GROWTH
             if self.graph.obstacles and expansion_limit == CUT_OFF_LIMIT:
-                self._lazy_table.check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
+                self._check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
+
+    def _bounds(self, goal: Goal) -> GoalBounds:
+        """Return bounds of a goal from the origins, cached or computed."""
+        starts, known = self._origins.nodes, self._lower_bounds
+        return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
     @cached_property
     def _check_history(self) -> CheckHistory:
@@ -218,16 +222,14 @@ class TableSearch(PathSearch):
 
     def proves(self, cost: float) -> bool:
         """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
-        starts = self._origins.nodes
-        known = self._lower_bounds.cached(self.goal, starts)
-        bounds = self._bounds_of_rest(known or self._lower_bounds.compute(self.goal, starts))
-        least = float((self._origins.cost + bounds.h[starts]).min(initial=np.inf))
+        h = self._bounds_of_rest(self._bounds(self.goal)).h[self._origins.nodes]
+        least = float((self._origins.cost + h).min(initial=np.inf))
         return cost <= least * (1.0 + COST_TOLERANCE)
 
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
-        is_goal = goal_bounds.h == 0.0
-        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, self._origins.nodes)
+        is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
+        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, starts, self.clock)
         return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))
 
     def _backward_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
@@ -240,7 +242,7 @@ class TableSearch(PathSearch):
         """
         lazy_table, goal, start = self._lazy_table, self.goal, self._origins.nodes[0]
         nodes = np.flatnonzero(goal_bounds.h == 0.0)
-        start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes)
+        start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes, self.clock)
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
         weights = cost_weights(goal.cost)
         search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
@@ -248,7 +250,7 @@ class TableSearch(PathSearch):
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
-            deadline=self.search.deadline, check=checks,
+            clock=self.clock, check=checks,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
         if checks.is_spent:
@@ -261,8 +263,8 @@ class TableSearch(PathSearch):
         improved[nodes] = 0.0
         return goal_bounds._replace(h=improved)
 
-    def paths(self) -> Iterator[StatePath]:
-        """Yield paths to the goal, each cheaper than the one before, until the search ends."""
+    def _paths(self) -> Iterator[StatePath]:
+        """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         if not len(self._origins.nodes):
             self.lower_bound = np.inf
             return
@@ -335,7 +337,7 @@ class TableSearch(PathSearch):
         found = checks.outcome(cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
-            deadline=search.deadline, check=checks, check_nodes=lazy_table.check_nodes,
+            clock=self.clock, check=checks, check_nodes=self._check_nodes,
         ))  # fmt: skip
         self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
         self._is_exhausted = self._is_complete and found.path is None
@@ -365,7 +367,7 @@ class TableSearch(PathSearch):
         """Check the edges of a path unless its search did; return its states, None if one fails."""
         lazy_table, branch_sets = self._lazy_table, path.branch_sets
         if not stage.parameters.check_when_popped:
-            kept = lazy_table.checked_branch_sets(path)
+            kept = lazy_table.checked_branch_sets(path, self.clock)
             if kept is None:
                 return None
             branch_sets = kept

@@ -18,6 +18,7 @@ import numpy as np
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import GOAL_REACHED
+from mlivr_gym.planners.planning_result import too_far
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
@@ -78,17 +79,8 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
     The start state and the goal are those of a search that found no plan. Each search of more than
     two limbs expands at most `limit` states; for two limbs the answer is exact.
     """
-    smallest = _smallest_goal_distance(graph, goal)
-    if smallest == np.inf:
-        return Cause((), f"no stance holds points of face {goal.face!r} with all limbs")
-    if smallest > goal.tolerance:
-        on_face = f" on face {goal.face!r}" if goal.face else ""
-        return Cause(
-            (),
-            f"no stance{on_face} has its base within {goal.tolerance:g} m of the goal; the nearest "
-            f"is {smallest:.3f} m away: a goal_tolerance of {smallest + 0.0005:.3f} m would "
-            "have one",
-        )
+    if message := too_far(graph, goal):
+        return Cause((), message)
     names = [name for name in RULES if _has_rule(name, graph)]
     for name in names:
         if _plan_exists(graph, (name,), start, goal, limit):
@@ -229,15 +221,6 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
     if name == JOINTS:
         return graph.settings.transitions
     return all(getattr(graph.settings, key) for key in RULES[name][0])
-
-
-def _smallest_goal_distance(graph: StanceGraph, goal: Goal) -> float:
-    """Return the smallest distance of a stance's base to the goal [m]; 0 if it is not known."""
-    if not isinstance(graph, TwoLimbGraph):
-        return 0.0
-    is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
-    distances = np.where(is_goal, goal.distance(graph.base_position), np.inf)
-    return float(distances.min(initial=np.inf))
 
 
 def goal_occupancy(graph: StanceGraph, goal: Sequence[float], tolerance: float) -> str:

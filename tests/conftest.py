@@ -8,7 +8,8 @@ if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
 import numpy as np
 import pytest
 from cache_of_tests import KEPT
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+from machine import available_memory, missing_package, workers
 from map_data import LADDER
 from paper import NO_COLLISIONS
 from remembered import stances_solved_once
@@ -20,9 +21,11 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
-# No deadline for single ones: the first may compile machine code.
-settings.register_profile("reproducible", derandomize=True, deadline=None)
-settings.register_profile("fresh", print_blob=True, deadline=None)
+# No deadline, nor a complaint that drawing is slow: the first compiles machine code, and a machine
+# may be busy.
+ANY_TIME = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
+settings.register_profile("reproducible", derandomize=True, **ANY_TIME)
+settings.register_profile("fresh", print_blob=True, **ANY_TIME)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "reproducible"))
 
 
@@ -30,6 +33,30 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "reproducible"))
 def pytest_runtest_protocol(item):
     with time_limit(MOST):
         return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    return skipped_if_a_package_is_missing((yield), collector.path)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    return skipped_if_a_package_is_missing((yield), item.path, call)
+
+
+def skipped_if_a_package_is_missing(report, path, call=None):
+    """The report of a file or a test, skipped where it imports an extra that is not installed."""
+    error = (call or report.call).excinfo
+    if name := error and missing_package(error.value):
+        report.outcome = "skipped"
+        report.longrepr = str(path), None, f"Skipped: {name} is not installed"
+    return report
+
+
+@pytest.hookimpl(wrapper=True, optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    return workers((yield), available_memory())
 
 
 @pytest.fixture(autouse=True)

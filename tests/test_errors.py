@@ -1,6 +1,8 @@
+import pickle
+
 import numpy as np
 
-from mlivr_gym.errors import shortened
+from mlivr_gym.errors import MapError, MlivrError, UnknownPointError, shortened
 
 
 def test_any_value_is_shown_in_brief():
@@ -18,3 +20,20 @@ def test_any_value_is_shown_in_brief():
     ):
         assert len(shortened(value)) < 300
         assert shortened(value).isprintable()
+
+
+def test_no_error_passes_control_characters_on():
+    """Whoever quotes a foreign text in an error need not think of it: a terminal obeys them."""
+    foreign = "\x1b]0;title\x07\x1b[2J\rfine\nsecond line\u202e"
+    kinds, seen = [MlivrError], set()
+    while kinds:
+        kind = kinds.pop()
+        seen.add(kind)
+        kinds.extend(kind.__subclasses__())
+        if "__init__" not in vars(kind) or kind is MlivrError:
+            error = kind(f"cannot read it: {foreign}")
+            assert str(error).isprintable()
+            assert "title" in str(error)
+            assert str(pickle.loads(pickle.dumps(error))) == str(error)
+    assert {MapError, UnknownPointError} <= seen
+    assert str(UnknownPointError("x", [foreign])).isprintable()

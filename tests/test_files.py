@@ -1,13 +1,19 @@
+import ast
 import errno
 import json
 import os
+import re
 import stat
+import tempfile
+import threading
+from pathlib import Path
 
 import pytest
 
+import mlivr_gym
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
-from mlivr_gym.files import FileError, read_json, write_whole
+from mlivr_gym.files import FileError, read_json, write_whole, written_together
 
 FAULTS = {
     "deep": (b'{"a": ' + b"[" * 3000 + b"]" * 3000 + b"}", "nested too deeply"),
@@ -69,15 +75,148 @@ def test_a_file_is_replaced_and_never_written_into(tmp_path, content):
     assert path.read_bytes() == (content if isinstance(content, bytes) else content.encode())
     assert other.read_text() == "old"
     assert sorted(tmp_path.iterdir()) == [path, other]
-    before = os.umask(0o027)
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o444, 0o755])
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
+    path = tmp_path / "file"
+    path.write_text("old")
+    path.chmod(mode)
+    write_whole(path, "new")
+    assert path.read_text() == "new"
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+def test_a_private_file_is_private_at_every_moment(tmp_path, monkeypatch):
+    path, seen = tmp_path / "file", []
+    path.write_text("old")
+    path.chmod(0o600)
+
+    def look(*_):
+        seen.extend(stat.S_IMODE(one.stat().st_mode) for one in tmp_path.iterdir())
+
+    monkeypatch.setattr("mlivr_gym.files.os.fsync", look)
+    write_whole(path, "new")
+    assert seen == [0o600, 0o600]
+
+
+def test_a_new_file_has_the_permissions_that_the_process_gives(tmp_path, monkeypatch):
+    """They are not asked for, since another thread would make files with others meanwhile."""
+    umask = os.umask
+    monkeypatch.setattr("os.umask", None)
+    before = umask(0o027)
     try:
-        write_whole(path, content)
+        write_whole(tmp_path / "file", "new")
     finally:
-        os.umask(before)
-    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+        umask(before)
+    assert stat.S_IMODE((tmp_path / "file").stat().st_mode) == 0o640
 
 
-@pytest.mark.parametrize("call", ["fdopen", "chmod", "replace"])
+def test_links_stay_and_the_file_at_their_end_is_replaced(tmp_path):
+    away = tmp_path / "away"
+    away.mkdir()
+    target, link, chain = away / "file", tmp_path / "link", tmp_path / "chain"
+    link.symlink_to(Path("away") / "file")
+    chain.symlink_to(link)
+    for content in ("made at the end of links", "replaced"):
+        write_whole(chain, content)
+        assert target.read_text() == content
+        target.chmod(0o600)
+    assert link.is_symlink()
+    assert chain.is_symlink()
+    assert stat.S_IMODE(target.stat().st_mode) == 0o600
+    assert list(away.iterdir()) == [target]
+    assert sorted(tmp_path.iterdir()) == [away, chain, link]
+    (tmp_path / "round").symlink_to("round")
+    (tmp_path / "nowhere").symlink_to("no/file")
+    for name in ("round", "nowhere"):
+        with pytest.raises(FileError, match="cannot write"):
+            write_whole(tmp_path / name, "new")
+        assert (tmp_path / name).is_symlink()
+
+
+@pytest.mark.parametrize("linked", [False, True])
+def test_a_pipe_gets_the_content_and_stays(tmp_path, linked):
+    pipe = name = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    if linked:
+        name = tmp_path / "link"
+        name.symlink_to(pipe)
+    reader, content = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK), b"in the pipe"
+    write_whole(name, content)
+    assert os.read(reader, 100) == content
+    os.close(reader)
+    assert stat.S_ISFIFO(os.stat(name).st_mode)
+    assert sorted(tmp_path.iterdir()) == sorted({pipe, name})
+
+
+def test_the_end_of_a_pipe_that_this_process_holds_is_written_to():
+    """So is the standard output by `/dev/stdout`."""
+    reader, writer = os.pipe()
+    write_whole(f"/dev/fd/{writer}", "in the pipe")
+    os.close(writer)
+    with os.fdopen(reader) as stream:
+        assert stream.read() == "in the pipe"
+
+
+def test_an_open_file_without_a_name_is_written_to(tmp_path):
+    with tempfile.TemporaryFile(dir=tmp_path) as stream:
+        write_whole(f"/dev/fd/{stream.fileno()}", "no name")
+        assert os.pread(stream.fileno(), 100, 0) == b"no name"
+    assert not list(tmp_path.iterdir())
+
+
+NULL, FULL = os.makedev(1, 3), os.makedev(1, 7)
+"""Devices of Linux: one that takes everything, and one that takes nothing."""
+
+
+@pytest.fixture
+def device(tmp_path):
+    """Makes a device, which root alone may, of a folder of this test."""
+
+    def make(number):
+        path = tmp_path / "device"
+        try:
+            os.mknod(path, stat.S_IFCHR | 0o666, number)
+            os.close(os.open(path, os.O_WRONLY))
+        except OSError as error:
+            pytest.skip(f"no device can be made here: {error.strerror}")
+        return path
+
+    return make
+
+
+def test_a_device_stays_one(tmp_path, device):
+    path = device(NULL)
+    write_whole(path, "gone")
+    assert (path.stat().st_rdev, path.read_bytes()) == (NULL, b"")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def write_both(*paths):
+    with written_together():
+        for path in paths:
+            write_whole(path, "new")
+
+
+def test_what_a_device_says_is_told(tmp_path, device):
+    path = device(FULL)
+    with pytest.raises(FileError, match="device': No space left on device"):
+        write_both(tmp_path / "file", path)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("name", ["folder", "link", "folder/", "new/", ""])
+def test_a_folder_is_refused_in_words(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("link").symlink_to("folder")
+    with pytest.raises(FileError, match="it is a folder; give the name of a file"):
+        write_whole(name, "new")
+    assert sorted(map(str, Path().rglob("*"))) == ["folder", "link"]
+
+
+@pytest.mark.parametrize("call", ["open", "fsync", "chmod", "replace"])
 def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, call):
     """Wherever writing fails, in one error, and nothing is left behind."""
     path = tmp_path / "file"
@@ -91,3 +230,112 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, ca
         write_whole(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def contents(folder):
+    return {path.name: path.read_text() for path in folder.iterdir()}
+
+
+@pytest.fixture
+def old_files(tmp_path):
+    """A folder with two files; the third of `write_three` is new."""
+    for name in ("a", "b"):
+        (tmp_path / name).write_text(f"old {name}")
+    return tmp_path
+
+
+def write_three(folder):
+    with written_together():
+        for name in ("a", "new", "b"):
+            write_whole(folder / name, f"new {name}")
+            assert contents(folder).get(name) != f"new {name}"
+
+
+def test_files_are_written_together(old_files):
+    write_three(old_files)
+    assert contents(old_files) == {name: f"new {name}" for name in ("a", "b", "new")}
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EPERM, "not permitted"), KeyboardInterrupt()])
+@pytest.mark.parametrize("call", ["fsync", "replace"])
+@pytest.mark.parametrize("after", range(3))
+@pytest.mark.parametrize("links", [True, False])
+def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, error, links):
+    """Also if what fails is the last of all renamings, on a file system with or without links."""
+    real, calls = getattr(os, call), []
+
+    def fails(*arguments):
+        calls.append(arguments)
+        if len(calls) == after + 1:
+            raise error
+        return real(*arguments)
+
+    def no_links(*_):
+        raise OSError(errno.ENOTSUP, "no hard links here")
+
+    monkeypatch.setattr(f"mlivr_gym.files.os.{call}", fails)
+    if not links:
+        monkeypatch.setattr("mlivr_gym.files.os.link", no_links)
+    with pytest.raises((FileError, KeyboardInterrupt)):
+        write_three(old_files)
+    assert len(calls) > after
+    assert contents(old_files) == {"a": "old a", "b": "old b"}
+
+
+def test_nothing_is_written_by_a_block_that_fails(old_files):
+    with pytest.raises(FileError, match="path of a file"):
+        write_both(old_files / "a", 7)
+    assert contents(old_files) == {"a": "old a", "b": "old b"}
+
+
+def test_a_file_that_may_fail_does_not_spoil_the_others(old_files):
+    with written_together():
+        write_whole(old_files / "a", "new a")
+        with pytest.raises(FileError):
+            write_whole(old_files / "no" / "file", "new")
+    assert contents(old_files) == {"a": "new a", "b": "old b"}
+
+
+def test_other_threads_do_not_wait_for_a_block(old_files):
+    with written_together():
+        thread = threading.Thread(target=write_whole, args=(old_files / "a", "new a"))
+        thread.start()
+        thread.join()
+        assert contents(old_files) == {"a": "new a", "b": "old b"}
+
+
+LIBRARIES = ("np", "torch", "plt", "figure", "pq", "shutil", "tempfile")
+IN_MEMORY = ("buffer", "stream", "member")
+
+
+def writes(call):
+    """Whether a call writes a file by itself, as far as its words tell."""
+    words = ast.unparse(call.func)
+    base, _, name = words.rpartition(".")
+    modes = [one.value for one in [*call.args, *(k.value for k in call.keywords)]
+             if isinstance(one, ast.Constant) and isinstance(one.value, str)]  # fmt: skip
+    if name == "open":
+        return any(re.fullmatch(r"r?[wax+]+[bt+]?", mode) for mode in modes)
+    if name.startswith(("save", "write_table")):
+        is_library = base in LIBRARIES or not base.replace(".", "_").isidentifier()
+        given = {ast.unparse(one) for one in call.args}
+        return bool(base) and is_library and not given.intersection(IN_MEMORY)
+    alone = "write_text write_bytes tofile touch umask rename symlink_to mkstemp TemporaryFile"
+    return name in alone.split() or words in ("os.replace", "shutil.move", "shutil.copy")
+
+
+def test_one_function_writes_all_files():
+    """What opens, replaces or saves a file by itself would not do what this file tests."""
+    allowed = {
+        ("files.py", "open"),
+        ("files.py", "os.replace"),
+        ("compiled/warming.py", "mark.touch"),  # a mark without content
+        ("stances/table_files.py", "archive.open"),  # in memory
+    }
+    root, found = Path(mlivr_gym.__file__).parent, set()
+    for folder in (root, *(root / name for name in ("planners", "agents", "envs_assets"))):
+        for path in folder.rglob("*.py"):
+            for call in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(call, ast.Call) and writes(call):
+                    found.add((path.relative_to(root).as_posix(), ast.unparse(call.func)))
+    assert found == allowed

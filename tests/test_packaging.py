@@ -32,7 +32,7 @@ def build(root, out, *what):
 def built(tmp_path_factory):
     """Those of a copy in which large files are empty, since it takes long to pack them thrice."""
     out, root = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("copy") / "root"
-    needless = (".*", "__pycache__", "build", "*.egg-info", "docs", "results", "tests")
+    needless = (".*", "__pycache__", "build", "*.egg-info", "docs", "results")
     shutil.copytree(ROOT, root, symlinks=True, ignore=shutil.ignore_patterns(*needless))
     for path in (root / "envs_assets").iterdir():
         path.write_bytes(b"" if path.suffix in {".npz", ".pt", ".zip"} else path.read_bytes())
@@ -72,6 +72,14 @@ def test_the_wheel_holds_every_module_and_asset(built):
 def test_the_sdist_has_no_links_out_of_itself(built):
     with tarfile.open(built[2]) as archive:
         assert all(not (member.issym() or member.islnk()) for member in archive.getmembers())
+
+
+def test_the_sdist_has_no_tests(built):
+    """They need the pages and the experiments, so they run in the repository alone."""
+    with tarfile.open(built[2]) as archive:
+        names = [name.split("/", 1)[-1] for name in archive.getnames()]
+    assert "MANIFEST.in" in names
+    assert not [name for name in names if name.startswith("tests")]
 
 
 @pytest.mark.slow

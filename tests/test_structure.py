@@ -32,8 +32,8 @@ LAYERS = (
     {"arguments", "json_schema"},
     {"schema", "engines"},
     {"values", "extras"},
-    {"compiled", "errors"},
-    {"envs_assets", "_version", "_headless", "arrays"},
+    {"compiled", "errors", "sharing"},
+    {"envs_assets", "_version", "_headless", "_interrupts", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""
 

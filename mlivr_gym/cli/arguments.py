@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,9 @@ COMPARED_COSTS = ("time", "reaction")
 
 BOXES: dict[str, Any] = {"type": float, "action": "append"}
 """Arguments of `add_argument` for an option of numbers that may be repeated, such as `--box`."""
+
+DRAWS = 12
+"""Number of tasks that are drawn, of which the one with start and goal farthest apart is taken."""
 
 CAPSULES = "draw the collision shapes of the limbs in place of their visual meshes"
 """Help of the option `--capsules`."""
@@ -236,6 +240,8 @@ def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
             boxes, occupied = chosen_obstacles(args)
             graph.add_obstacles(boxes)
             graph.occupy(occupied)
+    if graph.settings.collisions and not (graph.grasp_map.boxes or graph.obstacles):
+        print(f"map {graph.grasp_map.name!r} has no boxes: nothing is known to collide with")
     return graph
 
 
@@ -271,8 +277,8 @@ def chosen_task(
     """Return the start as point ids, and the goal position [m].
 
     What is not given is that of Table I for the default robot on the JEM; otherwise it is drawn
-    with a fixed seed, since another robot may not be able to hold that start. Raises a
-    `NoPlanError` if the start cannot be held.
+    with a fixed seed, since another robot may not be able to hold that start: of `DRAWS` tasks the
+    one with start and goal farthest apart. Raises a `NoPlanError` if the start cannot be held.
     """
     start, goal = args.start, args.goal
     if start is None or goal is None:
@@ -285,7 +291,11 @@ def chosen_task(
             try:
                 pose = (getattr(args, "start_pose", None), getattr(args, "start_joints", None))
                 given = graph.state(start, *pose) if start is not None else None
-                state, target = sample_task(graph, np.random.default_rng(0), args.tolerance, given)
+                rng = np.random.default_rng(0)
+                drawn = [sample_task(graph, rng, args.tolerance, given) for _ in range(DRAWS)]
+                starts = [graph.posture_of(task.start).base_position[0] for task in drawn]
+                apart = [math.dist(x, task.goal) for x, task in zip(starts, drawn, strict=True)]
+                state, target = drawn[int(np.argmax(apart))]
             except StanceError as error:
                 raise NoPlanError(str(error)) from None
             start, goal = start or graph.ids(state.stance), goal or target.tolist()

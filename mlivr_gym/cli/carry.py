@@ -7,7 +7,7 @@ import json
 
 from mlivr_gym.cli.arguments import chosen_map, chosen_settings, option, walk_options, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, input_files
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.robots import described_robot
 from mlivr_gym.errors import SettingError
@@ -67,12 +67,13 @@ def run(args: argparse.Namespace) -> int:
     args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
     args.result["motions"] = [knots.tolist() for knots in mission.motions]
-    if args.out:
-        write_whole(args.out, json.dumps(args.result, indent=1))
-        print(f"mission: {args.out}")
-    if args.film:
-        from mlivr_gym.pictures.mission_film import mission_film
+    with all_or_none(args):
+        if args.out:
+            write_whole(args.out, json.dumps(args.result, indent=1))
+            print(f"mission: {args.out}")
+        if args.film:
+            from mlivr_gym.pictures.mission_film import mission_film
 
-        mission_film(mission, parts, args.film)
-        print(f"film: {args.film}")
+            mission_film(mission, parts, args.film)
+            print(f"film: {args.film}")
     return SUCCESS if failure is None else FAILED

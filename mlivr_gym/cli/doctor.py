@@ -17,10 +17,9 @@ import numba
 from mlivr_gym import __version__
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
-from mlivr_gym.compiled.ready_made import why_compiled
+from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root, source_digest
+from mlivr_gym.compiled.ready_made import FIRST_PLAN, why_compiled
 from mlivr_gym.errors import one_line
-from mlivr_gym.stances.build import COMPILED
 
 BACKENDS = ("egl", "glfw", "osmesa")
 """Values of `MUJOCO_GL`: rendering without a screen, with one, and in software."""
@@ -132,7 +131,7 @@ def _cache_report() -> dict[str, Any]:
     """Return the state of compiled code and of the cache folders."""
     tables, code = cache_folder(), kernel_root()
     stored = list(tables.glob("pairs-*.npz")) if tables is not None else []
-    why = why_compiled(COMPILED.parent.name)
+    why = why_compiled(source_digest(FIRST_PLAN))
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"
         if vars(numba.config)["DISABLE_JIT"]
@@ -140,7 +139,7 @@ def _cache_report() -> dict[str, Any]:
         "ready_made_machine_code": f"not used: {why}" if why else "used",
         "machine_code_kept_in": str(code),
         "machine_code_kept": "yes"
-        if any(code.glob("*/compiled"))
+        if any(code.glob("*/*/*.nbc"))
         else "not yet: the first plan, or `mlivr-gym warmup`, compiles what is not ready-made",
         "step_tables_kept_in": str(tables)
         if tables is not None

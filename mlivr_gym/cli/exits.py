@@ -12,12 +12,14 @@ import signal
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
+from typing import Any
 
+from mlivr_gym._interrupts import CLEAR_LINE, end_at_once
 from mlivr_gym.errors import MlivrError
 
-SUCCESS, FAILED, REFUSED, NO_PLAN, INTERRUPTED = 0, 1, 2, 3, 130
+SUCCESS, FAILED, REFUSED, NO_PLAN = 0, 1, 2, 3
 
 EXIT_CODES = """exit codes:
   0    success
@@ -38,7 +40,7 @@ LONG_GRACE = 60.0
 
 def print_interrupted(reason: str = "") -> None:
     """Print that the command was interrupted, in place of a progress line on a terminal."""
-    start = "\r\033[K" if sys.stderr.isatty() else ""
+    start = CLEAR_LINE if sys.stderr.isatty() else ""
     print(f"{start}mlivr-gym: {reason or 'interrupted'}", file=sys.stderr, flush=True)
 
 
@@ -48,11 +50,14 @@ def handle_interrupts(grace: float = GRACE) -> Iterator[None]:
 
     If Python responds to the signal within `grace` seconds, the block ends with a
     `KeyboardInterrupt`, even if a library turned it into another error; otherwise the process
-    ends. Nothing changes outside the main thread, on Windows, or if the signal is already handled
-    or ignored by other code.
+    ends. So it does where Python would print the interruption and go on, as in a callback. Nothing
+    changes outside the main thread, on Windows, or if the signal is already handled or ignored by
+    other code.
     """
     is_main = threading.current_thread() is threading.main_thread() and sys.platform != "win32"
-    if not is_main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+    if not is_main or signal.getsignal(signal.SIGINT) not in (
+        signal.default_int_handler, end_at_once,
+    ):  # fmt: skip
         yield
         return
     handled, interrupted = threading.Event(), False
@@ -63,9 +68,15 @@ def handle_interrupts(grace: float = GRACE) -> Iterator[None]:
         handled.set()
         raise KeyboardInterrupt
 
+    def unraisable(found: Any) -> None:
+        if issubclass(found.exc_type, KeyboardInterrupt):
+            end_at_once()
+        hook(found)
+
+    hook = sys.unraisablehook
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
-    before = signal.signal(signal.SIGINT, interrupt)
+    before, sys.unraisablehook = signal.signal(signal.SIGINT, interrupt), unraisable
     wakeup = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     watch = threading.Thread(target=_watch, args=(reader, handled, grace), daemon=True)
     watch.start()
@@ -78,6 +89,7 @@ def handle_interrupts(grace: float = GRACE) -> Iterator[None]:
     finally:
         signal.set_wakeup_fd(wakeup)
         signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = hook
         os.close(writer)  # ends the thread, which then reads the end of the pipe
         watch.join()
         os.close(reader)
@@ -87,7 +99,5 @@ def _watch(reader: int, handled: threading.Event, grace: float) -> None:
     """End the process if a signal that arrives on the pipe is not handled in time."""
     while signals := os.read(reader, 64):
         if signal.SIGINT in signals and not handled.wait(grace):
-            with suppress(OSError):
-                print_interrupted()
-            os._exit(INTERRUPTED)
+            end_at_once()
         handled.clear()

@@ -16,19 +16,19 @@ from typing import Any, NoReturn
 import numpy as np
 
 from mlivr_gym import __version__
+from mlivr_gym._interrupts import INTERRUPTED, is_command, silence
 from mlivr_gym.cli.examples import examples
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
     FAILED,
     GRACE,
-    INTERRUPTED,
     NO_PLAN,
     REFUSED,
     SUCCESS,
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError, SettingError, one_line
+from mlivr_gym.errors import MlivrError, NoPlanError, SettingError
 
 COMMANDS = {
     "plan": "plan a path from a start stance to a goal position",
@@ -104,22 +104,34 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stdout.reconfigure(errors="backslashreplace")
     given = sys.argv[1:] if arguments is None else list(arguments)
     try:
+        code = _run_line(given)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        return FAILED
+    except KeyboardInterrupt:
+        print_interrupted()
+        code = INTERRUPTED
+    if code == INTERRUPTED and is_command():
+        silence()
+    return code
+
+
+def _run_line(given: Sequence[str]) -> int:
+    """Run a command line, and return its exit code."""
+    try:
         args, unknown = _parser(given).parse_known_args(given)
         if unknown:
             args.commands[args.command].error(f"unrecognized arguments: {' '.join(unknown)}")
     except MlivrError as error:
-        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
+        print(f"mlivr-gym: {error}", file=sys.stderr)
         if "--json" in given:  # the parser may have stopped before this option
-            _print_json(REFUSED, one_line(str(error)), {})
+            _print_json(REFUSED, str(error), {})
         return REFUSED
     args.result = {}
-    try:
-        with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
-            code, message = _run(args)
-        if args.json:
-            _print_json(code, message, args.result)
-    except BrokenPipeError:
-        return FAILED
+    with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
+        code, message = _run(args)
+    if args.json:
+        _print_json(code, message, args.result)
     return code
 
 
@@ -135,11 +147,23 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
         with handle_interrupts(args.grace):
             return args.run(args) or SUCCESS, ""
     except MlivrError as error:
-        print(f"mlivr-gym: {one_line(str(error))}", file=sys.stderr)
-        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, one_line(str(error))
+        print(f"mlivr-gym: {error}", file=sys.stderr)
+        return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
+    except Exception as error:
+        if not is_out_of_memory(error):
+            raise
+        message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
+        print(f"mlivr-gym: {message}", file=sys.stderr)
+        return FAILED, message
     except KeyboardInterrupt as stop:
         print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
+
+
+def is_out_of_memory(error: Exception) -> bool:
+    """Return whether memory was missing: for data, a library that is loaded, or a thread."""
+    told = ("failed to map segment", "cannot allocate memory", "can't start new thread")
+    return isinstance(error, MemoryError) or any(one in str(error).lower() for one in told)
 
 
 def json_value(value: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Checks of the files that a command will write, made before it starts.
+"""The files that a command writes: checked before it starts, and written together at its end.
 
 A command first checks its output files, then computes everything, and writes at the end. Hence a
 command that is refused or fails leaves no files behind.
@@ -7,13 +7,15 @@ command that is refused or fails leaves no files behind.
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from mlivr_gym.files import FileError
+from mlivr_gym.files import FileError, plain_file, written_together
 
 MAX_NAMED = 3
 """Maximum number of replaced files that are listed by name; the others are counted."""
@@ -56,20 +58,25 @@ def check_outputs(
 
     The announcement goes to standard error, even with `--quiet`, before anything is computed, so
     that an interruption still saves the old files. A file is None if it was not requested; `folder`
-    is the one that `make_folder` will make later, and all others must exist. A `FileError` also
-    names an output that is among `input_files`, or that has the name of another output.
+    is the one that `all_or_none` will make later, and all others must exist. A `FileError` also
+    names an output that is among `input_files`, or that has the name of another output. Devices and
+    pipes are not replaced; they must only be there to be written to.
     """
     replaced: list[str] = []
     seen: set[Path] = set()
     for file in files:
         if file is None:
             continue
-        path = Path(file)
         try:
-            _check(path, Path(folder) if folder is not None else None)
-            resolved = path.resolve()
-            if path.exists():
-                replaced.append(str(path))
+            try:
+                resolved = plain_file(file)
+            except NotADirectoryError:  # below, in other words
+                resolved = Path(file)
+            _check(Path(file), resolved, Path(folder) if folder is not None else None)
+            if resolved is None:
+                continue
+            if resolved.exists():
+                replaced.append(str(file))
         except (OSError, ValueError) as error:  # a ValueError for a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {_reason(error)}") from None
         if resolved in inputs:
@@ -101,10 +108,41 @@ def make_folder(folder: str | Path) -> Path:
     return path
 
 
-def _check(path: Path, folder: Path | None) -> None:
-    """Raise an `OSError` if a file cannot be written; `folder` may be made later."""
-    if not path.name or path.is_dir():
-        raise IsADirectoryError("it is a folder; give the name of a file")
+@contextmanager
+def all_or_none(args: argparse.Namespace, folder: str | Path | None = None) -> Iterator[None]:
+    """Write the files of a block at its end, all of them or, if it fails, none.
+
+    What the block prints is printed when they are there. A folder for them is made if it is
+    missing, and removed if it stays empty; the results of a command that fails name no files.
+    """
+    told, missing = io.StringIO(), list[Path]()
+    if folder is not None:
+        missing = [one for one in (Path(folder), *Path(folder).parents) if not one.exists()]
+        make_folder(folder)
+    try:
+        with redirect_stdout(told), written_together():
+            yield
+    except BaseException:
+        for one in missing:
+            with suppress(OSError):
+                one.rmdir()
+        for name in ("files", "folder"):
+            args.result.pop(name, None)
+        raise
+    print(told.getvalue(), end="", flush=True)
+
+
+def _check(path: Path, target: Path | None, folder: Path | None) -> None:
+    """Raise an `OSError` if a file cannot be written; `folder` may be made later.
+
+    `target` is what `plain_file` returned for its path.
+    """
+    if target is None:
+        if not os.access(path, os.W_OK):
+            raise PermissionError("no permission to write")
+        return
+    if path.is_symlink():
+        path = target
     parent = path.parent
     while path.parent == folder and not parent.exists() and parent != parent.parent:
         parent = parent.parent  # the nearest folder that exists

@@ -21,7 +21,7 @@ from mlivr_gym.cli.arguments import (
     search_options,
     world_options,
 )
-from mlivr_gym.cli.outputs import check_outputs, input_files
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.cli.robots import chosen_robot
 from mlivr_gym.errors import NoPlanError, SettingError
@@ -80,15 +80,16 @@ def run(args: argparse.Namespace) -> None:
         saved = 100.0 * (1.0 - plan.base_translation / before)
         print(f"refined: {plan.base_translation:.3f} m of base translation, {saved:.1f} % less")
     args.result |= summary_of(plan) | {"files": [f for f in (args.out, *pictures) if f]}
-    if args.out:
-        plan.save(args.out)
-        print(f"plan: {args.out}")
-    if pictures:
-        from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
+    with all_or_none(args):
+        if args.out:
+            plan.save(args.out)
+            print(f"plan: {args.out}")
+        if pictures:
+            from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
 
-        title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
-        plan_figure(chosen_map(args), plan, args.picture, result.tree, title)
-        print(f"picture: {pictures[0]}, {pictures[1]}")
+            title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
+            plan_figure(chosen_map(args), plan, args.picture, result.tree, title)
+            print(f"picture: {pictures[0]}, {pictures[1]}")
 
 
 STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "path", "swing")
@@ -202,7 +203,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
-        found = [result.message, cause.message]
+        found = list(dict.fromkeys([result.message, cause.message]))
         if "suggest" in args and args.suggest:
             found.append(suggestions(graph, start, goal, args))
         raise NoPlanError("; ".join(found))

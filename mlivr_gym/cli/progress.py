@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 
-from mlivr_gym.compiled.warming import is_showing
+from mlivr_gym.compiled.compiling import compilation, displays
 
 SHOW_AFTER = 2.0
 """Time after which progress is first shown [s]."""
@@ -62,6 +62,7 @@ class Progress:
 
     def __enter__(self) -> Progress:
         """Start the thread that updates the time."""
+        displays.append(self)
         self._thread = threading.Thread(target=self._watch, daemon=True)
         self._thread.start()
         return self
@@ -70,6 +71,7 @@ class Progress:
         """Clear the line."""
         self._ended.set()
         self._thread.join()
+        displays.remove(self)
         with self._lock:
             if self._has_line:
                 print("\r\033[K", end="", file=sys.stderr, flush=True)
@@ -86,7 +88,7 @@ class Progress:
             return
         with self._lock:
             if sys.stderr.isatty():
-                if now - self._drawn_at >= REDRAW_INTERVAL and not is_showing():
+                if now - self._drawn_at >= REDRAW_INTERVAL:
                     self._drawn_at, self._has_line = now, True
                     print(f"\r\033[K{self._text(spent)}", end="", file=sys.stderr, flush=True)
             elif spent >= self._next:
@@ -101,4 +103,5 @@ class Progress:
             text = f"{self.what} [{bar:.<{WIDTH}}] {self._done}/{self._total}"
             if self._done:
                 remaining = f", {spent * (self._total - self._done) / self._done:.0f} s remain"
-        return f"{text}, {spent:.0f} s{remaining}" + (f"; {self._remark}" if self._remark else "")
+        remarks = "".join(f"; {one}" for one in (self._remark, compilation.text) if one)
+        return f"{text}, {spent:.0f} s{remaining}{remarks}"

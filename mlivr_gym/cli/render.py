@@ -17,7 +17,7 @@ from mlivr_gym.cli.arguments import (
     refuse_ignored,
     world_options,
 )
-from mlivr_gym.cli.outputs import check_outputs, input_files
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
@@ -73,14 +73,14 @@ def run(args: argparse.Namespace) -> None:
         from mlivr_gym.simulation.export import exported_model  # imports MuJoCo, hence GL
 
         scene = exported_model(grasp_map, robot, *held, obstacles)
-    with Progress("drawing", quiet=args.quiet):
-        draw(
-            grasp_map, robot, {Path(args.out): drawn}, args.size, obstacles, capsules=args.capsules
-        )
     args.result["files"] = [file for file in (args.out, args.mjcf) if file]
-    if args.mjcf:
-        write_whole(args.mjcf, scene)
-        print(f"scene: {args.mjcf}")
+    pictures = {Path(args.out): drawn}
+    with all_or_none(args):
+        with Progress("drawing", quiet=args.quiet):
+            draw(grasp_map, robot, pictures, args.size, obstacles, capsules=args.capsules)
+        if args.mjcf:
+            write_whole(args.mjcf, scene)
+            print(f"scene: {args.mjcf}")
 
 
 def _check(args: argparse.Namespace) -> None:

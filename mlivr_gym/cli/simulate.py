@@ -26,7 +26,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
-from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.plan import find_plan
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
@@ -146,18 +146,18 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
             graph, plan, setup.timing, progress=progress.show, simulation=simulation
         )
     _report(execution)
-    make_folder(out)
-    if not _keeps_plan_file(args):
-        plan.save(out / "plan.json")
-    save_csv(trajectory, out / "trajectory.csv")
-    save_npz(trajectory, out / "trajectory.npz")
-    save_ros(trajectory, out / "trajectory.yaml")
-    _save(execution, out)
     args.result |= execution.summary() | {"folder": out, "files": FILES}
-    if args.station_mass is not None:
-        _show_load(args, execution, out)
-    if not args.no_film:
-        _film(args, graph, execution, out / args.film)
+    with all_or_none(args, out):
+        if not _keeps_plan_file(args):
+            plan.save(out / "plan.json")
+        save_csv(trajectory, out / "trajectory.csv")
+        save_npz(trajectory, out / "trajectory.npz")
+        save_ros(trajectory, out / "trajectory.yaml")
+        _save(execution, out)
+        if args.station_mass is not None:
+            _show_load(args, execution, out)
+        if not args.no_film:
+            _film(args, graph, execution, out / args.film)
     return SUCCESS if execution.failure is None else FAILED
 
 

@@ -10,11 +10,12 @@ from statistics import fmean, median
 from typing import Any
 
 from mlivr_gym.cli.arguments import THREADS, option, refuse_without_effect
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
 from mlivr_gym.schema import Choice
-from mlivr_gym.studies.design import StudyDesign
+from mlivr_gym.studies.design import StudyDesign, is_function
 from mlivr_gym.studies.rows import succeeded
 from mlivr_gym.studies.run import read_study, run_study
 
@@ -44,8 +45,11 @@ def run(args: argparse.Namespace) -> None:
     if args.scheduler is not None:
         refuse_without_effect(args, "with --scheduler", "workers")
     design = StudyDesign.from_file(args.file)
-    sys.path.insert(0, str(Path(args.file).resolve().parent))  # modules of functions of the study
+    if is_function(design.kind):
+        # Last, so that no file beside a study hides an installed module of its name.
+        sys.path.append(str(Path(args.file).resolve().parent))
     folder = Path(args.out or Path(args.file).with_suffix(""))
+    check_outputs(folder / "study.md", folder=folder)
     total = len(design.combinations) * design.tasks
     with Progress("runs", total, args.quiet) as progress:
         file = run_study(

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.render import draw, shots_of
 from mlivr_gym.envs_assets import asset_path
@@ -74,20 +74,22 @@ def run(args: argparse.Namespace) -> int:
     """
     out = Path(args.out)
     check_outputs(*(out / name for name in FILES), folder=out, inputs=input_files(args))
-    with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
-        plans, data = run_cases(out, progress.show)
-    print(report(data))
-    plan = plans[3]
-    ends = {"start": 0, "goal": len(plan.stances) - 1}
-    grasp_map = jem_map()
-    pictures = {
-        out / f"scene_{name}.png": shots_of(grasp_map, plan, [k]) for name, k in ends.items()
-    }
-    draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles)
-    failed = broken_relations(data)
-    args.result |= data | {"impossible": failed}
-    args.result |= {"folder": out, "files": FILES}
-    print(f"table: {out / 'table1.md'}, {out / 'table1.json'}; pictures: {out / 'case*.png'}, .svg")
+    with all_or_none(args, out):
+        with Progress("cases planned", len(CASES) * len(MODES), args.quiet) as progress:
+            plans, data = run_cases(out, progress.show)
+        print(report(data))
+        plan = plans[3]
+        ends = {"start": 0, "goal": len(plan.stances) - 1}
+        grasp_map = jem_map()
+        pictures = {
+            out / f"scene_{name}.png": shots_of(grasp_map, plan, [k]) for name, k in ends.items()
+        }
+        draw(grasp_map, plan.world.robot, pictures, (1600, 800), plan.world.obstacles)
+        failed = broken_relations(data)
+        args.result |= data | {"impossible": failed}
+        args.result |= {"folder": out, "files": FILES}
+        files = out / "table1.md", out / "table1.json", out / "case*.png"
+        print("table: {}, {}; pictures: {}, .svg".format(*files))
     for name in failed:
         print(f"relation does not hold: {name}")
     return FAILED if failed else SUCCESS
@@ -119,10 +121,9 @@ def run_cases(out: Path, progress: Callable[[int], None]) -> tuple[dict[int, Pla
     """Plan and draw the four cases in each of `paper.MODES`, and write the table.
 
     All plans start at the same base pose. The table is written as `table1.json` and `table1.md` to
-    a folder, which is made if it is missing. `progress` is called with the number of plans made so
-    far. Returned are the plans with collisions checked, by case, and the data of the table.
+    a folder. `progress` is called with the number of plans made so far. Returned are the plans with
+    collisions checked, by case, and the data of the table.
     """
-    make_folder(out)
     setup = default_setup()
     start = Start.of(setup)
     plans: dict[int, Plan] = {}

@@ -22,7 +22,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
-from mlivr_gym.cli.outputs import check_outputs, input_files
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.files import write_whole
@@ -109,15 +109,16 @@ def run(args: argparse.Namespace) -> int:
         + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
         + (f"; {_distance_told(record.crew_distance)}" if record.crew_distance is not None else "")
     )
-    if args.out:
-        write_whole(args.out, json.dumps(record.to_dict(), indent=1))
-        print(f"record: {args.out}")
-    if pictures and record.plans:
-        boxes = (*graph.obstacles, *unknown)
-        walk_figure(graph.grasp_map, record.plans, args.picture, boxes)
-        print(f"picture: {pictures[0]}, {pictures[1]}")
-    if args.film is not None:
-        _film(args, graph, record, unknown=unknown, crew=crew)
+    with all_or_none(args):
+        if args.out:
+            write_whole(args.out, json.dumps(record.to_dict(), indent=1))
+            print(f"record: {args.out}")
+        if pictures and record.plans:
+            boxes = (*graph.obstacles, *unknown)
+            walk_figure(graph.grasp_map, record.plans, args.picture, boxes)
+            print(f"picture: {pictures[0]}, {pictures[1]}")
+        if args.film is not None:
+            _film(args, graph, record, unknown=unknown, crew=crew)
     if record.crew_distance is not None and record.crew_distance <= 0.0:
         return FAILED
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)

@@ -23,6 +23,7 @@ from mlivr_gym.collisions.contacts import Configuration, checked_configuration
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.schema import Anything, Integer, OrNone
+from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.boxes import Box
@@ -56,7 +57,7 @@ GIVEN: Validators = {
 """Validators of the arguments."""
 
 
-class Belief:
+class Belief(Independent):
     """The stance graph of a robot whose map is incomplete, which grows by what is sensed.
 
     Attributes

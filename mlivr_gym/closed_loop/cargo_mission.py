@@ -89,6 +89,7 @@ class CargoMission:
         """Cost of both walks."""
         return sum(plan.cost for plan in self.plans)
 
+    @checked()
     def execute(
         self, limits: Limits | None = None, physics: Physics | None = None
     ) -> tuple[MissionPart, ...]:

@@ -13,6 +13,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
@@ -68,6 +69,7 @@ class CrewMember(ParameterSet):
     radius: Annotated[float, Tuples((), 0.01, 1.0, "m")] = 0.25
     """Radius of the body [m]."""
 
+    @checked()
     def middles(self, times: Array) -> Array:
         """Return where its middle is at k times, shape (k, 3) [m]."""
         line = np.array(self.end) - self.start

@@ -20,6 +20,7 @@ from mlivr_gym.closed_loop.record import FAILED, ClosedLoopRecord, Event
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.planners import Plan
+from mlivr_gym.sharing import Independent
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
@@ -42,7 +43,7 @@ NOTICED = {**dict.fromkeys(REFUSED, "refused"), "blocked path": "blocked"}
 """Failures after which the limb goes back to the point that it left, and their kinds of event."""
 
 
-class SensingRobot:
+class SensingRobot(Independent):
     """A robot in a simulation of which it does not know all.
 
     Attributes

@@ -17,6 +17,10 @@ DRAWN = 200
 """Number of drawn postures."""
 
 
+MOST_TOLD = 12
+"""Largest number of pairs that a message lists."""
+
+
 def always_close_links(robot: RobotSpec, clearance: float) -> tuple[tuple[str, str], ...]:
     """Return links of a limb, or a link and the body, that are close in every drawn posture.
 
@@ -54,7 +58,9 @@ def told_always_close(robot: RobotSpec, clearance: float) -> str:
     pairs = always_close_links(robot, clearance)
     if not pairs:
         return ""
-    listed = ", ".join(f"{first} and {second}" for first, second in pairs)
+    listed = ", ".join(f"{first} and {second}" for first, second in pairs[:MOST_TOLD])
+    if len(pairs) > MOST_TOLD:
+        listed += f", and {len(pairs) - MOST_TOLD} other pairs"
     remedies = ["a smaller clearance", "narrower capsules"]
     if robot.capsules is not None:
         remedies.append("capsules='ur5e' of from_urdf")

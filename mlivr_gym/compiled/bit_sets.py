@@ -117,6 +117,18 @@ def class_of(branch: int) -> int:
 
 
 @kernel
+def code_of(codes: int, branch: int) -> int:
+    """Return the code of a branch, one of 16, from a number with a code for each."""
+    return (codes >> (4 * branch)) & 15
+
+
+@kernel
+def with_code(codes: int, branch: int, code: int) -> int:
+    """Return a number with a code for each branch in which one is changed."""
+    return codes & ~(15 << (4 * branch)) | code << (4 * branch)
+
+
+@kernel
 def first_branch(branch_set: int) -> int:
     """Return the first branch of a branch set that is not empty."""
     branch = EMPTY

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+import stat
 from functools import cache
 from pathlib import Path
 
@@ -40,6 +41,34 @@ def kernel_folder(source: str) -> Path:
 def kernel_root() -> Path:
     """Return the folder that contains all folders of machine code."""
     return (cache_folder() or _default_folder()) / "kernels"
+
+
+def make_private(folder: Path) -> None:
+    """Create a folder, and those above it that are missing, for this user alone.
+
+    Raises an `OSError` if one cannot be created.
+    """
+    if not folder.is_dir():
+        make_private(folder.parent)
+        folder.mkdir(mode=0o700, exist_ok=True)
+
+
+def writable_by_others(folder: Path) -> Path | None:
+    """Return the one of a folder and the cache folders above it that other users may change.
+
+    They could have any code executed as machine code. None if there is no such folder.
+    """
+    if not hasattr(os, "getuid"):  # Windows, where these bits tell nothing
+        return None
+    root = kernel_root().parent
+    for one in (folder, *(above for above in folder.parents if above.is_relative_to(root))):
+        state = one.stat()
+        # In a folder with the sticky bit, such as /tmp, users replace only what is their own.
+        is_sticky = state.st_mode & stat.S_ISVTX and one != folder
+        is_open = state.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not is_sticky
+        if is_open or state.st_uid not in (0, os.getuid()):
+            return one
+    return None
 
 
 def _default_folder() -> Path:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import time
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -18,7 +19,7 @@ from mlivr_gym.compiled.cache import cache_folder, kernel_root
 
 TABLES = {
     "all steps of two limbs": r"(pairs|steps)-[0-9a-f]+\.npz",
-    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-(unpacked|mapped|\d+))?\.(npz|npy|xz)",
+    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-\w+)?\.(npz|npy|xz)(\.checked)?",
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }
@@ -55,9 +56,9 @@ def cached_files() -> list[CachedFile]:
 
 
 def mark_used(path: Path) -> None:
-    """Record that a cached file is used now."""
+    """Record that a cached file is used now; the time when it was written stays."""
     with suppress(OSError):  # a folder without permission to write
-        os.utime(path)
+        os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
 
 
 def least_recently_used(files: Sequence[CachedFile], most: int) -> list[CachedFile]:

@@ -16,8 +16,15 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from numba import config, njit
+from numba.core import event
 
-from mlivr_gym.compiled.cache import kernel_folder, source_digest
+from mlivr_gym.compiled.cache import (
+    kernel_folder,
+    make_private,
+    source_digest,
+    writable_by_others,
+)
+from mlivr_gym.compiled.compiling import compilation
 from mlivr_gym.compiled.ready_made import offer
 
 Parameters = ParamSpec("Parameters")
@@ -44,8 +51,10 @@ PIECES_PER_THREAD = 4
 
 _compile: Any = njit  # its type stubs know only some of its options
 
+event.register("numba:compile", compilation)
+
 _warned: set[str] = set()
-"""Folders about which a warning was given that they cannot be written."""
+"""Folders about which a warning was given that they are not used."""
 
 
 def kernel(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
@@ -79,7 +88,7 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     folder = given or str(kernel_folder(function.__code__.co_filename))
     settings.CACHE_DIR = folder
     try:
-        cached = not settings.DISABLE_JIT and _writable(folder)
+        cached = not settings.DISABLE_JIT and _usable(Path(folder))
         compiled: Callable[Parameters, Returned] = _compile(cache=cached, **OPTIONS)(function)
     finally:
         settings.CACHE_DIR = given
@@ -88,23 +97,29 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     return compiled
 
 
-def _writable(folder: str) -> bool:
-    """Create a cache folder and return whether it can be written; warn once if it cannot."""
+def _usable(folder: Path) -> bool:
+    """Create a cache folder and return whether this user, and no other, can write it.
+
+    Otherwise warn once.
+    """
     try:
-        Path(folder).mkdir(parents=True, exist_ok=True)
-        able = os.access(folder, os.W_OK)
-    except OSError:
-        able = False
-    folder_name = str(Path(folder).parent)
-    if not able and folder_name not in _warned:
+        make_private(folder)
+        opened = writable_by_others(folder)
+        fault = opened and f"other users may change {opened}"
+        fault = fault or ("" if os.access(folder, os.W_OK) else "it cannot be written")
+    except OSError as error:
+        fault = str(error)
+    folder_name = str(folder.parent)
+    if fault and folder_name not in _warned:
         _warned.add(folder_name)
         logging.getLogger(__name__).warning(
-            "machine code cannot be cached in %s: kernels that do not ship with the package are "
-            "compiled in every process, which may take a minute; set MLIVR_GYM_CACHE to a writable "
-            "folder",
+            "machine code is not cached in %s: %s; kernels that do not ship with the package are "
+            "compiled in every process, which may take minutes; set MLIVR_GYM_CACHE to a folder "
+            "that only you can write",
             folder_name,
+            fault,
         )
-    return able
+    return not fault
 
 
 def workers(count: int, least: int) -> int:

@@ -17,19 +17,29 @@ import hashlib
 import io
 import json
 import logging
+import os
 import pickle
 import re
 import sysconfig
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 import llvmlite.binding
 import numba
 
 from mlivr_gym.compiled.cache import PACKAGE
+
+FIRST_PLAN = PACKAGE / "planners" / "planner.py"
+"""Source file on which, with its imports, all kernels of a first plan depend."""
 
 INDEX = re.compile(r"[^.]+\.(.+)-\d+\.py\w+\.nbi")
 """Name of a file in which Numba lists the machine code of a function."""
@@ -116,8 +126,16 @@ class _CacheWithArchive:
         self._cache, self._entry_name = cache, entry_name
 
     def __getattr__(self, name: str) -> Any:
-        """Return an attribute of Numba's cache, which does all but loading."""
+        """Return an attribute of Numba's cache."""
         return getattr(self._cache, name)
+
+    def save_overload(self, signature: Any, compiled: Any) -> None:
+        """Store a compiled function, one process after the other.
+
+        Numba reads the list of what is stored, adds to it and writes it back.
+        """
+        with _locked(self._cache.cache_path):
+            self._cache.save_overload(signature, compiled)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return the function compiled for a signature, or None if neither has it."""
@@ -127,6 +145,22 @@ class _CacheWithArchive:
         from numba.core.compiler import CompileResult  # as in the archive's version of Numba
 
         return CompileResult._rebuild(target, *payload)
+
+
+@contextmanager
+def _locked(folder: str | None) -> Iterator[None]:
+    """Run the block while no other process runs one with the same folder."""
+    if folder is None or fcntl is None:
+        yield
+        return
+    os.makedirs(folder, exist_ok=True)
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # some network drives have no locks
+            fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def member(entry_name: str, signature: Any) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import NOT_NEGATIVE, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.envs.task import Task
 from mlivr_gym.errors import SettingError, StanceError
@@ -49,6 +50,7 @@ class LayoutTasks:
 
     clustered: bool = False
 
+    @checked({"tolerance": NOT_NEGATIVE})
     def draw(
         self,
         graph: StanceGraph,

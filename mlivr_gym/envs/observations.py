@@ -8,6 +8,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import has
 from mlivr_gym.compiled.kernels import entry
@@ -54,6 +55,7 @@ class Observation(TypedDict):
     `ClosedLoopEnv`."""
 
 
+@checked()
 def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:
     """Return the space of `Observation`, with `occupied` if episodes have layouts of their own."""
     grasp_map, points, limbs = graph.grasp_map, len(graph.grasp_map), graph.limbs

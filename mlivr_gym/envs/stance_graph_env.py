@@ -11,12 +11,15 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from mlivr_gym.arguments import NOT_NEGATIVE, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.observations import Observation, observation_of, observation_space
 from mlivr_gym.envs.plain_spec import PlainSpec
 from mlivr_gym.envs.snapshots import Motion, Snapshot
 from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.kinematics.batches import distance
+from mlivr_gym.schema import Choice, OrNone
+from mlivr_gym.sharing import Independent, OnGraph
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -26,7 +29,7 @@ from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
 
-class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
+class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
     """Base class of `MlivrEnv`: the present state, what an agent sees of it, and pictures."""
 
     metadata = {"render_modes": list(RENDER_FPS), "render_fps": 2}  # noqa: RUF012
@@ -38,6 +41,7 @@ class StanceGraphEnv(PlainSpec, gymnasium.Env[Any, Any]):
     _state: State | None
     _last_event: tuple[str, Motion | None]
 
+    @checked({"goal_tolerance": NOT_NEGATIVE, "render_mode": OrNone(Choice(tuple(RENDER_FPS)))})
     def __init__(
         self,
         graph: StanceGraph,

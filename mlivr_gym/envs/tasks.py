@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import Reader
+from mlivr_gym.arguments import NOT_NEGATIVE, Reader, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.envs.streams import Stream
@@ -49,6 +49,7 @@ class WalkTasks:
 
     far: bool = False
 
+    @checked({"tolerance": NOT_NEGATIVE})
     def draw(
         self,
         graph: StanceGraph,
@@ -155,6 +156,7 @@ def draw_task(
     return Task(task.start, graph.grasp_map.check_goal(task.goal))
 
 
+@checked({"min_distance": NOT_NEGATIVE})
 def sample_task(
     graph: StanceGraph,
     rng: Randomness,

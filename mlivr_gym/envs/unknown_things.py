@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.schema import Integer
 from mlivr_gym.stances.random_states import TRIES
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -20,6 +22,7 @@ PLATE_HALF_SIZES = 0.02, 0.06
 """Half thickness of a plate, and half of its edges [m]."""
 
 
+@checked({"boxes": Integer(0, 1000), "plates": Integer(0, 1000)})
 def unknown_things(
     graph: StanceGraph,
     start: State,

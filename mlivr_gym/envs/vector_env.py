@@ -28,6 +28,8 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task, refuse_layouts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.schema import FieldPath, Fields, Flag, Integer, ListOf, OrNone
+from mlivr_gym.sharing import Independent, OnGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables, state_of
 from mlivr_gym.stances.table_steps import valid_actions
 from mlivr_gym.world.given_points import GOAL, STANCE
@@ -44,7 +46,7 @@ VECTOR_ARGUMENTS: Validators = {
 """Validators of the arguments that `MlivrEnv` does not have."""
 
 
-class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
+class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
     """Vector environment of k `MlivrEnv`s with two limbs and kinematic steps.
 
     Spaces, rewards and arguments are those of `MlivrEnv`, batched. `info` contains arrays: `stance`
@@ -114,6 +116,11 @@ class MlivrVectorEnv(PlainSpec, VectorEnv[Any, Any, Any]):
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
+
+    @property
+    def graph(self) -> StanceGraph:
+        """The stance graph."""
+        return self.env.graph
 
     def reset(
         self,

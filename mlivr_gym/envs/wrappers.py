@@ -15,6 +15,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.pictures.film import RATE
 from mlivr_gym.schema import NAME, FieldPath, Flag, Integer, OrNone
+from mlivr_gym.sharing import Independent
 
 MAX_ACTIONS = 1_000_000
 """Maximum number of actions in a film."""
@@ -31,7 +32,7 @@ WRAPPED_ENV = Reader(_read_env)
 """Validator of an environment that is a `MlivrEnv`, possibly inside wrappers."""
 
 
-class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
+class RecordVideo(Independent, gymnasium.wrappers.RecordVideo[Any, Any]):
     """Gymnasium's `RecordVideo` with films that show the robot moving from stance to stance.
 
     Gymnasium's own wrapper takes one picture for each action, which makes a slide show of this
@@ -92,6 +93,7 @@ class RecordVideo(gymnasium.wrappers.RecordVideo[Any, Any]):
 
 
 class ActionMaskObservation(
+    Independent,
     gymnasium.ObservationWrapper[Any, Any, Any],
     gymnasium.utils.RecordConstructorArgs,
 ):
@@ -116,6 +118,7 @@ class ActionMaskObservation(
             {**inner.spaces, "action_mask": spaces.MultiBinary(int(actions.n))}
         )
 
+    @checked()
     def observation(self, observation: Observation) -> dict[str, Any]:
         """Return the observation with the action mask."""
         mask: BoolArray = self.get_wrapper_attr("action_masks")()

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints
@@ -107,6 +109,18 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
         numeric.link_frames(arm, q, frames)
     else:
         spherical_wrist.link_frames(arm, q, frames)
+
+
+@kernel
+def turn_flange(arm: Arm, q: Array, frames: Array) -> None:
+    """Turn axes x and y of link 6, as `link_frames` gives them, to those of the flange."""
+    if arm.family == SPHERICAL_SHOULDER or arm.family == NUMERIC:
+        return
+    # The other closed forms leave out joint 6, which turns the flange about its axis.
+    c, s = np.cos(q[5]), np.sin(q[5])
+    for k in range(3):
+        x, y = frames[6, 1, k], frames[6, 2, k]
+        frames[6, 1, k], frames[6, 2, k] = c * x + s * y, c * y - s * x
 
 
 @kernel

@@ -105,6 +105,7 @@ class Plan(EqualByData):
         """Minimum base manipulability over all stances."""
         return float(self.motion.w_b.min())
 
+    @checked()
     def configuration(self, k: int) -> tuple[Array, Array, Array]:
         """Return the configuration of the robot in stance `k`.
 
@@ -112,6 +113,8 @@ class Plan(EqualByData):
         (4,); and joint angles, shape (N, 6) [rad].
         """
         motion = self.motion
+        if not -len(self.stances) <= k < len(self.stances):
+            raise PlanError(f"k is {k}; the plan has {len(self.stances)} stances, from 0")
         return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,6 +151,7 @@ class Plan(EqualByData):
             )
         return plan
 
+    @checked()
     def check_map(self, grasp_map: GraspMap) -> None:
         """Check that the plan was made on the given map.
 

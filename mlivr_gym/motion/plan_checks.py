@@ -15,7 +15,6 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
-from mlivr_gym.compiled.warming import warming
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
@@ -24,7 +23,6 @@ from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
 from mlivr_gym.motion.regrasp import are_distinct, regrasp_of
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.stances.build import COMPILED
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
@@ -87,15 +85,14 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
         if face != query.goal_face:
             goal = f"query.goal_face is {query.goal_face!r}; the last stance"
             raise PlanError(f"{goal} holds {point!r} on face {face!r}")
-    with warming("mlivr_gym.planners.warmup", COMPILED):
-        bits = _branch_bits(graph, points, motion)
-        postures = _postures(graph, points, motion, bits)
-        branch_sets = (1 << bits).tolist()
-        states = [
-            State(tuple(stance), tuple(branch_set))
-            for stance, branch_set in zip(points.tolist(), branch_sets, strict=True)
-        ]
-        expected = committed_motion(graph, states, postures)
+    bits = _branch_bits(graph, points, motion)
+    postures = _postures(graph, points, motion, bits)
+    branch_sets = (1 << bits).tolist()
+    states = [
+        State(tuple(stance), tuple(branch_set))
+        for stance, branch_set in zip(points.tolist(), branch_sets, strict=True)
+    ]
+    expected = committed_motion(graph, states, postures)
     _check_steps(graph, motion, expected, bits)
 
 

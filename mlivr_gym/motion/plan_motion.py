@@ -9,11 +9,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.schema import Integer
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 
@@ -31,6 +34,7 @@ class StepMotion:
     """Joint angles, shape (k, N, 6) [rad]."""
 
 
+@checked({**ARGUMENTS, "samples": Integer(2, 100_000)})
 def step_motion(graph: StanceGraph, plan: Plan, index: int, samples: int = 50) -> StepMotion:
     """Compute configurations along one step of a plan that was made with collision checks.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
@@ -20,6 +21,7 @@ from mlivr_gym.motion.path_segments import PathSegment
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
+from mlivr_gym.schema import Tuples
 
 FREE = -1
 """Point index of a limb that holds no point."""
@@ -140,6 +142,7 @@ class Trajectory(TimedConfigurations):
         phase[first:] = len(PHASES) - 1 - phase[first:]
         return replace(kept, phase=phase, **between)
 
+    @checked({"period": Tuples((), 1e-12, 1e9, "s")})
     def every(self, period: float) -> Trajectory:
         """Return every n-th sample, about `period` seconds apart, and the last one."""
         stride = max(round(period / self.period), 1)

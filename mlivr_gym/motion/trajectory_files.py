@@ -24,6 +24,7 @@ RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base velocity: linear in the world frame, angular in the body frame."""
 
 
+@checked()
 def joint_names(trajectory: Trajectory) -> list[str]:
     """Return the names of all joints, ordered by limb."""
     limbs = trajectory.grasps.shape[1]

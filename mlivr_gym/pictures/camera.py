@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arguments import ANY_NUMBER, Reader
+from mlivr_gym.arguments import ANY_NUMBER, NOT_NEGATIVE, Reader, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.schema import FieldPath, Tuples
-from mlivr_gym.values import MAX_LENGTH
+from mlivr_gym.schema import FieldPath, Numbers, Tuples
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS
 
 FIELD_OF_VIEW = 45.0
 """Vertical field of view [deg], MuJoCo's default."""
@@ -53,6 +53,13 @@ class Camera(NamedTuple):
         scale = 0.5 * height / slope / np.where(depth > 1e-9, depth, np.nan)
         return np.stack([0.5 * width + scale * right, 0.5 * height - scale * up], axis=1)
 
+    @checked(
+        {
+            "positions": Numbers((None, 3), rows=(1, MAX_POINTS)),
+            "radius": NOT_NEGATIVE,
+            "aspect": Tuples((), 1e-3, 1e3),
+        }
+    )
     def seeing(self, positions: Array, radius: float, aspect: float) -> Camera:
         """Return this camera at the smallest distance at which it sees whole balls.
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import path_shown
-from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.files import FileError, write_whole, written_together
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -74,7 +74,7 @@ def check_ending(path: str | Path, endings: Sequence[str]) -> None:
 
 
 def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
-    """Write a figure as PNG and SVG; each file is written completely or not at all.
+    """Write a figure as PNG and SVG, both completely or neither.
 
     The same figure always gives the same bytes: the files contain no random ids and no dates. The
     path names either file, see `figure_files`; without `vector` no SVG is written. 3-D axes are not
@@ -88,18 +88,19 @@ def save_figure(figure: Any, path: str | Path, *, vector: bool = True) -> None:
             for artist in axes.get_children():
                 artist.set_clip_on(False)
     png, svg = figure_files(path)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    write_whole(png, buffer.getvalue())
-    if vector:
+    with written_together():
         buffer = io.BytesIO()
-        for axes in figure.axes:
-            for paths in axes.collections:
-                if sum(len(path.vertices) for path in paths.get_paths()) > MAX_VERTICES:
-                    paths.set_rasterized(True)
-        with rc_context({"svg.hashsalt": SALT}):
-            figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)
-        write_whole(svg, buffer.getvalue())
+        figure.savefig(buffer, format="png")
+        write_whole(png, buffer.getvalue())
+        if vector:
+            buffer = io.BytesIO()
+            for axes in figure.axes:
+                for paths in axes.collections:
+                    if sum(len(path.vertices) for path in paths.get_paths()) > MAX_VERTICES:
+                        paths.set_rasterized(True)
+            with rc_context({"svg.hashsalt": SALT}):
+                figure.savefig(buffer, format="svg", metadata={"Date": None}, dpi=RASTER_DPI)
+            write_whole(svg, buffer.getvalue())
 
 
 def save_image(image: NDArray[np.uint8], path: str | Path) -> None:

@@ -7,11 +7,12 @@ import math
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Reader, Validators, checked
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.contacts import Configuration, capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
@@ -25,7 +26,7 @@ from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath, Flag, OrNone, Tuples
+from mlivr_gym.schema import FieldPath, Flag, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -133,6 +134,7 @@ def recording_shots(
     ]
 
 
+@checked({**FILM, "shots": ListOf(InstanceOf(Shot), 1)})
 def film_pictures(
     grasp_map: GraspMap,
     robot: RobotSpec,
@@ -183,6 +185,14 @@ def film_samples(recording: Recording, speed: float) -> IntArray:
     return samples
 
 
+def _picture(value: Any, place: FieldPath) -> NDArray[np.uint8]:
+    """Return a picture of three colours."""
+    if not isinstance(value, np.ndarray) or value.dtype != np.uint8 or value.shape[2:] != (3,):
+        raise place.refused(value, "a picture, bytes of shape (height, width, 3)")
+    return value
+
+
+@checked({"pictures": ListOf(Reader(_picture), 1)})
 def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
     """Write pictures of shape (height, width, 3) as a film of `RATE` frames a second.
 

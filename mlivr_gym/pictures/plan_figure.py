@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mlivr_gym.arguments import checked
+from mlivr_gym.arguments import TupleOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.arguments import ARGUMENTS
@@ -17,7 +17,7 @@ from mlivr_gym.pictures.map_views import IN_SPACE, MapViews
 from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.pictures.route import Route, base_paths, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
-from mlivr_gym.schema import Numbers, OrNone
+from mlivr_gym.schema import Integer, ListOf, Numbers, OrNone
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -79,6 +79,7 @@ def plan_figure(
     save_figure(views.figure, path)
 
 
+@checked({**ARGUMENTS, "plans": ListOf(TupleOf((ARGUMENTS["plan"], Integer(0, 10**6))), 1)})
 def walk_figure(
     grasp_map: GraspMap,
     plans: Sequence[tuple[Plan, int]],
@@ -131,6 +132,7 @@ def parts_of(plan: Plan, taken: int) -> tuple[Array, Array]:
     )
 
 
+@checked(ARGUMENTS)
 def configuration_figure(
     grasp_map: GraspMap,
     robot: RobotSpec,

@@ -82,6 +82,7 @@ class SceneRenderer:
         from mlivr_gym.simulation.scene import compile_spec
 
         self.grasp_map, self._robot, self.obstacles = grasp_map, robot, tuple(obstacles)
+        self._capsules = capsules
         self.model = compile_spec(studio_spec(grasp_map, robot, obstacles, capsules))
         self.data, self._size = mujoco.MjData(self.model), (width, height)
         self._rise = max(robot.heights) + 0.5 * float(robot.body_edges[2])
@@ -94,6 +95,11 @@ class SceneRenderer:
         except BaseException as interruption:
             forget_context(interruption)
             raise
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy the scene; a copy opens a GL context of its own."""
+        made_of = self.grasp_map, self._robot, *self._size, self.obstacles, self._capsules
+        return type(self), made_of
 
     @checked(
         {
@@ -224,6 +230,7 @@ def _labelled(
 class SceneWindow:
     """Window of MuJoCo's viewer that shows configurations of a robot among `obstacles`."""
 
+    @checked(ARGUMENTS)
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
     ) -> None:

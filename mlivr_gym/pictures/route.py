@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.poses import pose
@@ -71,6 +72,7 @@ class Route(NamedTuple):
     """Footholds at the start, then those of the steps in order."""
 
     @classmethod
+    @checked()
     def of(cls, grasp_map: GraspMap, plan: Plan) -> Route:
         """Return the route of a plan on its map."""
         held = [(point, limb, 0) for limb, point in enumerate(plan.stances[0])]

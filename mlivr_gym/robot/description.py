@@ -98,12 +98,12 @@ def read_description(
     if not text:
         raise RobotError(f"the file is empty or larger than {LARGEST_FILE} bytes")
     tree = _parsed(text)
-    _check_numbers(tree, path.stem)
     found: dict[str, float] = {}
     missing: list[str] = []
     visuals: dict[str, tuple[BodyMesh, ...]] = {}
     pictures: list[tuple[str, str, BodyMesh]] = []
     try:
+        _check_numbers(tree, path.stem)
         if tree.tag == "robot":
             folders = [*map(Path, package_dirs), *path.resolve().parents]
             visuals = urdf_meshes(tree, path.parent, folders)
@@ -122,6 +122,8 @@ def read_description(
         model = spec.compile()
     except RobotError:
         raise
+    except RecursionError:
+        raise RobotError("the file is nested too deeply") from None
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
@@ -176,7 +178,7 @@ def _fields(text: str) -> dict[str, Any]:
         return {}
     try:
         fields = json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
         raise RobotError(f"the text {PLANNING!r} of the file is not a JSON object")

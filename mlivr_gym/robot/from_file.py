@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName
+from mlivr_gym.arguments import ArrayOf, FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
@@ -81,11 +81,19 @@ class RobotFile:
 
     def from_file_angles(self, angles: Array) -> Array:
         """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""
-        return np.asarray(angles) * self.signs + self.offsets
+        return self._checked(angles) * self.signs + self.offsets
 
     def to_file_angles(self, angles: Array) -> Array:
         """Return joint angles of the file from those of the robot [rad], shape (..., N, 6)."""
-        return (np.asarray(angles) - self.offsets) * self.signs
+        return (self._checked(angles) - self.offsets) * self.signs
+
+    def _checked(self, angles: Any) -> Array:
+        """Return joint angles as an array; refuse those of another number of limbs."""
+        place, shape = FieldPath("angles", RobotError), self.signs.shape
+        found: Array = ArrayOf("f").read(angles, place)
+        if found.shape[-2:] != shape:
+            raise place.fault(f"have shape {found.shape}; it must end with {shape}")
+        return found
 
     def exact_file_angles(self, angles: Array) -> Array:
         """Return the angles of the file at which its flanges are where the robot has them [rad].

@@ -145,7 +145,8 @@ class RobotSpec(DerivedFigures):
     def __post_init__(self) -> None:
         """Check every figure."""
         if self.folds is FOLDS_OF_LIMB:
-            object.__setattr__(self, "folds", self.limb.default_folds)
+            limb = ROBOT.validators["limb"].read(self.limb, FieldPath("limb", RobotError))
+            object.__setattr__(self, "folds", limb.default_folds)
         if self.mounts is not None and isinstance(self.mounts, list | tuple):
             object.__setattr__(self, "limbs", len(self.mounts))
         ROBOT.check(self, FieldPath("", RobotError))

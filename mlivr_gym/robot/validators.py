@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -45,7 +46,7 @@ class PairOf:
         for pair in self.pairs:
             if list(given) in (list(pair), list(pair[::-1])):
                 return pair
-        raise place.refused(value, "one of " + ", ".join(map("-".join, self.pairs)))
+        raise place.refused(value, "one of " + ", ".join(map(json.dumps, self.pairs)))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.schema import Tuples
+from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import Choice, FieldPath, Tuples
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
@@ -75,7 +76,9 @@ class DisturbanceRanges(ParameterSet):
 
     def only(self, name: str) -> DisturbanceRanges:
         """Return one of these disturbances, with the others at their defaults."""
-        return replace(DisturbanceRanges(), **{name: getattr(self, name)})
+        names = Choice(tuple(field.name for field in fields(self)))
+        chosen = names.read(name, FieldPath("name", SettingError))
+        return replace(DisturbanceRanges(), **{chosen: getattr(self, chosen)})
 
     def draw(self, seed: int, body_count: int, limbs: int, points: int) -> Disturbance:
         """Draw the values for one robot and module.

@@ -22,6 +22,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.gl import mujoco
@@ -87,6 +89,7 @@ PHYSICS = {"default": Physics(), "station": STATION}
 Physics.presets = PHYSICS
 
 
+@checked(ARGUMENTS)
 def dynamics_spec(
     grasp_map: GraspMap,
     robot: RobotSpec,

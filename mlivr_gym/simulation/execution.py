@@ -20,7 +20,7 @@ import numpy as np
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
-from mlivr_gym.files import write_whole
+from mlivr_gym.files import write_whole, written_together
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
@@ -104,12 +104,14 @@ class Execution:
         """Write the recording as a NumPy archive `path`, and the summary as JSON next to it.
 
         The summary has the same name with the suffix `.json`. Raises a `FileError` if a file cannot
-        be written.
+        be written; then neither is.
         """
         stream = io.BytesIO()
         np.savez_compressed(stream, **self.recording.arrays())  # type: ignore[arg-type]
-        write_whole(path, stream.getvalue())
-        write_whole(Path(path).with_suffix(".json"), json.dumps(self.summary(), indent=1) + "\n")
+        with written_together():
+            write_whole(path, stream.getvalue())
+            summary = json.dumps(self.summary(), indent=1) + "\n"
+            write_whole(Path(path).with_suffix(".json"), summary)
 
 
 @checked(

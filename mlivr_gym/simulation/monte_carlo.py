@@ -161,6 +161,7 @@ def _outcomes(
     return outcomes
 
 
+@checked()
 def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
     """Return the share of walks executed to their end, its confidence interval, and the failures.
 

@@ -24,7 +24,16 @@ from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 from mlivr_gym.simulation.limits import Limits
 
 TIME_SAMPLES = 201
-"""Number of times at which the loads during a time scaling are evaluated."""
+"""Number of regular times at which the loads during a time scaling are evaluated."""
+
+
+def sampled_times(scaling: PPoly) -> Array:
+    """Return the k times at which loads during a time scaling are evaluated, shape (k,) [s].
+
+    They are regular ones, and the breakpoints, at which the acceleration has its extremes.
+    """
+    times: Array = np.union1d(np.linspace(0.0, scaling.x[-1], TIME_SAMPLES), scaling.x)
+    return times
 
 
 class Binding(NamedTuple):
@@ -64,12 +73,12 @@ class SegmentDynamics(NamedTuple):
     1)."""
 
     def loads(self, scaling: PPoly) -> tuple[Array, Array]:
-        """Return loads and speeds at `TIME_SAMPLES` times of a time scaling.
+        """Return loads and speeds at the k `sampled_times` of a time scaling.
 
         In units of their limits, loads are magnitudes of joint torques, grasp forces and grasp
-        torques, shape (TIME_SAMPLES, 6 N + 2 n), and speeds have shape (TIME_SAMPLES, 6 N + 1).
+        torques, shape (k, 6 N + 2 n), and speeds have shape (k, 6 N + 1).
         """
-        times = np.linspace(0.0, scaling.x[-1], TIME_SAMPLES)
+        times = sampled_times(scaling)
         sigma, rate, change = (scaling(times, order)[:, None] for order in range(3))
         at = np.clip(sigma[:, 0], 0.0, 1.0)
         by_change, by_square = CubicSpline(self.sigmas, self.load_rates)(at).swapaxes(0, 1)

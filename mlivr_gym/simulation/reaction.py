@@ -16,12 +16,11 @@ from scipy.interpolate import CubicSpline
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.path_segments import PathSegment
-from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.inverse_dynamics import robot_model
-from mlivr_gym.simulation.path_dynamics import TIME_SAMPLES
+from mlivr_gym.simulation.path_dynamics import sampled_times
 
 
 class Reaction(NamedTuple):
@@ -39,7 +38,7 @@ def reaction_of(timed: TimedPath) -> Reaction:
     """Return the reaction of a step with its time scalings."""
     robot, impulse, peak = timed.path.graph.robot, 0.0, 0.0
     for segment, scaling in zip(timed.segments, timed.time_scalings, strict=True):
-        times = np.linspace(0.0, duration_of(scaling), TIME_SAMPLES)
+        times = sampled_times(scaling)
         sigma, rate, change = (scaling(times, order)[:, None] for order in range(3))
         curve = CubicSpline(segment.sigmas, _centres_of_mass(robot, segment))
         at = np.clip(sigma[:, 0], 0.0, 1.0)

@@ -11,14 +11,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
+from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.model import ROBOT as ROBOT
 from mlivr_gym.robot.model import STEEL_COLOUR, quaternion_of, robot_spec_alone
 from mlivr_gym.robot.model import SURROUNDINGS as SURROUNDINGS
 from mlivr_gym.robot.model import rgba as rgba
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.schema import Numbers
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.values import check_unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
@@ -38,6 +41,7 @@ COLOURS = {
 _METAL = ("track", "handrail")
 
 
+@checked(ARGUMENTS)
 def scene_spec(
     grasp_map: GraspMap, robot: RobotSpec, obstacles: Sequence[Box] = ()
 ) -> mujoco.MjSpec:
@@ -115,6 +119,7 @@ def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:
         ) from None
 
 
+@checked({"position": Numbers((3,)), "quaternion": Numbers((4,)), "joints": Numbers((None, 6))})
 def set_configuration(
     model: mujoco.MjModel, data: mujoco.MjData, position: Array, quaternion: Array, joints: Array
 ) -> None:

@@ -42,6 +42,7 @@ MASS = Tuples((), 1.0, 1e9, "kg")
 """Valid masses of a station."""
 
 
+@checked()
 def limits(frequencies: Array) -> Array:
     """Return the limit at the middles of one-third octave bands [Hz], as root mean square [g]."""
     allowed: Array = 18e-6 * np.clip(frequencies, 0.1, 100.0)

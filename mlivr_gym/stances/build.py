@@ -7,7 +7,6 @@ from typing import Any
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.collisions.always_close import told_always_close
-from mlivr_gym.compiled.warming import mark_of, warming
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
@@ -16,10 +15,6 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_graph import REMOVED, TwoLimbGraph
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
-
-COMPILED = mark_of(Path(__file__).parent.parent / "planners" / "warmup.py")
-"""Marks that the kernels of stances, and those of steps, which that module compiles, are
-compiled."""
 
 
 @checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": OrNone(InstanceOf(Settings))})
@@ -46,8 +41,7 @@ def stance_graph(
     world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
     if robot.limbs > 2:
         return ImplicitGraph(world, robot, settings)
-    with warming("mlivr_gym.planners.warmup", COMPILED):
-        graph = TwoLimbGraph(world, robot, settings)
+    graph = TwoLimbGraph(world, robot, settings)
     if not len(graph):
         raise RobotError(
             f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "

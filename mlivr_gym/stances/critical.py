@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
@@ -30,6 +31,7 @@ class Loss(NamedTuple):
         return self.cut_off > 0
 
 
+@checked()
 def point_losses(
     graph: TwoLimbGraph, progress: Callable[[float], None] | None = None
 ) -> tuple[Loss, ...]:
@@ -55,6 +57,7 @@ def point_losses(
     return _losses(graph, {point: [k] for k, point in enumerate(ids)}, progress)
 
 
+@checked()
 def rail_losses(
     graph: TwoLimbGraph, progress: Callable[[float], None] | None = None
 ) -> tuple[Loss, ...]:

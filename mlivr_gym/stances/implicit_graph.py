@@ -13,8 +13,10 @@ from mlivr_gym.postures.base_poses import OPPOSED_HEIGHTS
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.sharing import unlocked
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
+from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import StanceSets
@@ -47,6 +49,20 @@ class ImplicitGraph(StanceGraph):
         self._free_postures: dict[bytes, Postures] = {}
         self._sets: StanceSets | None = None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy what the graph is made of, its world, and a table that no file has."""
+        kind, made_of, world = super().__reduce__()
+        found = None if self.table is None else NODE_TABLES.find(self)
+        is_stored = found is not None and found[0] is not None
+        return kind, made_of, (*world, is_stored, None if is_stored else self.table)
+
+    def __setstate__(self, world: tuple[Any, ...]) -> None:
+        """Take a world, and a table that is given or stored."""
+        *rest, is_stored, table = world
+        super().__setstate__(tuple(rest))
+        found = NODE_TABLES.find(self) if is_stored else None
+        self.table = found[1] if found else table
+
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, see `StanceGraph.postures`; those of a few are kept."""
         rows = self.rows_of_points(stances)
@@ -62,6 +78,7 @@ class ImplicitGraph(StanceGraph):
             known |= {keys[k]: found.take(slice(n, n + 1)) for n, k in enumerate(new)}
         return self.among_obstacles(rows, join(*(known[key] for key in keys)))
 
+    @unlocked  # a thread computes them while a planner, which has the lock, waits for it
     def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
         """Return the sets of points that limbs may hold at once, see `StanceSets.of`."""
         if self._sets is None:
@@ -161,6 +178,7 @@ class ImplicitGraph(StanceGraph):
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        self.check_stance(stance)
         stances = self._neighbouring(stance, range(self.limbs))
         postures = self.nodes(stances)
         node = self.is_node(postures)

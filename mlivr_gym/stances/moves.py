@@ -83,11 +83,12 @@ class GraphMoves:
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
-        if state not in self._steps:
-            self._steps[state] = self.graph.successors(state)
+        found = self._steps.get(state)
+        if found is None:
+            found = self._steps[state] = self.graph.successors(state)
             if len(self._steps) > CACHED_RESULTS:
                 self._steps.popitem(last=False)
-        return self._steps[state]
+        return found
 
     def action_mask(self, state: State) -> BoolArray:
         """Return which actions are valid in a state, shape (N m,)."""

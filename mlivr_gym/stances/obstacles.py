@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from itertools import islice
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,9 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, ListOf, OrNone, Text
 from mlivr_gym.settings import Settings
+from mlivr_gym.sharing import Locked, new_lock
 from mlivr_gym.transitions.step_check import StepChecks
+from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.given_points import STANCE
 from mlivr_gym.world.grasp_map import GraspMap
@@ -43,8 +46,9 @@ IDS = ListOf(Text())
 
 
 def _points(value: object, place: FieldPath) -> tuple[str | int, ...]:
-    is_text = isinstance(value, (str, bytes))
-    return STANCE.read(list(value) if isinstance(value, Iterable) and not is_text else value, place)
+    if isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
+        value = list(islice(value, MAX_PARTS + 1))  # some never end
+    return STANCE.read(value, place)
 
 
 POINTS = Reader(_points)
@@ -141,8 +145,11 @@ def mark_close_cells(low: Array, bounds: Array, reach: float, close: BoolArray) 
                 break
 
 
-class ChangingWorld(ABC):
-    """A robot on a map whose obstacles and occupied points change."""
+class ChangingWorld(Locked, ABC):
+    """A robot on a map whose obstacles and occupied points change.
+
+    A copy, also a pickled one, has the same world, and computes anew what it needs.
+    """
 
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, solver: PostureSolver
@@ -150,6 +157,8 @@ class ChangingWorld(ABC):
         """Start without obstacles and occupied points."""
         self.grasp_map, self.robot, self.settings = grasp_map, robot, settings
         self.solver = solver
+        self.lock = new_lock()
+        """Held by the thread that uses the graph, or a planner or environment on it."""
         self.obstacles: tuple[Box, ...] = ()
         """Boxes at present in addition to those of the map."""
         self.occupied: frozenset[int] = frozenset()
@@ -162,6 +171,18 @@ class ChangingWorld(ABC):
         self.obstacle_grid: BoxGrid | None = None
         """The obstacles as compiled code reads them, None if there are none."""
         self._touches_at: BoolArray | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy what the graph is made of and its world, and none of its results."""
+        with self.lock:
+            made_of = self.grasp_map, self.robot, self.settings
+            return type(self), made_of, (self.obstacles, self.occupied, self.version)
+
+    def __setstate__(self, world: tuple[Any, ...]) -> None:
+        """Take the obstacles, the occupied points and the version of a world."""
+        obstacles, occupied, version = world
+        self._set_obstacles(obstacles, occupied)
+        self.version = self._last_removal = version
 
     @checked({"boxes": BOXES, "replaced": IDS})
     def add_obstacles(self, boxes: Sequence[Box], *, replaced: Sequence[str] = ()) -> None:

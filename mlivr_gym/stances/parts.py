@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import logging
 import shutil
-import zipfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_files import key_of
@@ -91,7 +90,7 @@ class Parts:
             # Reading compares the checksums in the archive.
             with (self.folder / f"{name}.npz").open("rb") as stream, np.load(stream) as found:
                 return list(found.values())
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        except Exception:  # NumPy and zip raise errors of many kinds
             return None
 
     def _write(self, name: str, arrays: PartArrays) -> None:
@@ -101,7 +100,7 @@ class Parts:
         buffer = io.BytesIO()
         np.savez(buffer, *arrays)
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
+            make_private(self.folder)
             write_whole(self.folder / f"{name}.npz", buffer.getvalue())
         except (OSError, FileError) as error:
             text = "parts of the table cannot be stored, so a stopped build will start again: %s"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
+import scipy
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import MapError, StanceError
@@ -48,6 +49,24 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
             "used: choose a larger spacing or a smaller span"
         )
     return np.concatenate(found)
+
+
+def count_farther(grasp_map: GraspMap, robot: RobotSpec) -> int:
+    """Return the number of ordered pairs beyond the span that two outstretched limbs reach."""
+    tree = scipy.spatial.cKDTree(grasp_map.positions)
+    pairs = tree.query_pairs(2.0 * robot.reach, output_type="ndarray")
+    apart = np.linalg.norm(np.diff(grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
+    return 2 * int((apart > robot.span + 1e-9).sum())
+
+
+def nearest_told(grasp_map: GraspMap, span: float) -> str:
+    """Return how far the nearest two points are apart, for a message; empty for a single point."""
+    if len(grasp_map) == 1:
+        return ""
+    positions = grasp_map.positions
+    nearest = float(scipy.spatial.cKDTree(positions).query(positions, 2)[0][:, 1].min())
+    ask = "; if the map is not in metres, give its unit" if nearest > span else ""
+    return f": the nearest two are {nearest:g} m apart{ask}"
 
 
 def check_distances(grasp_map: GraspMap, robot: RobotSpec, points: Sequence[int]) -> None:

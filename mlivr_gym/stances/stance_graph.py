@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import RobotError, StanceError, shortened
@@ -28,11 +29,11 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath
+from mlivr_gym.schema import FieldPath, Numbers
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.point_pairs import check_distances, pairs_within
+from mlivr_gym.stances.point_pairs import check_distances, nearest_told, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
 from mlivr_gym.world.given_points import STANCE
 from mlivr_gym.world.grasp_map import GraspMap
@@ -55,6 +56,7 @@ class StanceGraph(CheckedSteps):
     table: NodeTable | None = None
     """Node table of the graph without obstacles and occupied points; None if there is none."""
 
+    @checked()
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
         """Prepare the solver."""
         super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
@@ -74,6 +76,7 @@ class StanceGraph(CheckedSteps):
             raise RobotError(
                 f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of "
                 f"its points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
+                f"{nearest_told(grasp_map, robot.span)}"
             )
         both = np.concatenate([pairs, pairs[:, ::-1]])
         ordered: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
@@ -94,7 +97,8 @@ class StanceGraph(CheckedSteps):
 
     def partners(self, point: int) -> IntArray:
         """Return the points that may be held at once with `point`."""
-        return self.pairs[self.partner_start[point] : self.partner_start[point + 1], 1]
+        first = self.grasp_map.index(point)
+        return self.pairs[self.partner_start[first] : self.partner_start[first + 1], 1]
 
     def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
         """Return the point indices of a stance given by ids or indices.
@@ -114,7 +118,8 @@ class StanceGraph(CheckedSteps):
 
     def ids(self, stance: Sequence[int]) -> tuple[str, ...]:
         """Return the point ids of a stance."""
-        return tuple(self.grasp_map.ids[p] for p in stance)
+        named = STANCE.read(stance, FieldPath("stance", StanceError))
+        return tuple(self.grasp_map.ids[self.grasp_map.index(point)] for point in named)
 
     def postures(self, stances: IntArray) -> Postures:
         """Return the postures of stances, shape (k, N), feasible or not.
@@ -176,6 +181,7 @@ class StanceGraph(CheckedSteps):
             return self.posture(state.stance)
         return self._posture_at(state.stance, state.pose)
 
+    @checked({"stance": STANCE, "position": Numbers((3,)), "quaternion": Numbers((4,))})
     def given_pose_of(
         self, stance: Sequence[str | int], position: Array, quaternion: Array
     ) -> tuple[float, ...] | None:
@@ -187,6 +193,7 @@ class StanceGraph(CheckedSteps):
         )
         return None if max(off) < 1e-9 else given_pose((position, quaternion))
 
+    @checked()
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
         if all(state.pose is None for state in states):
@@ -305,12 +312,15 @@ class StanceGraph(CheckedSteps):
         angles: Array = out["q"]
         return angles
 
+    @checked(late=True)
     def state_after(self, state: State, after: Sequence[int], posture: Postures) -> State | None:
         """Return the state after a step, None if no such step leaves the state.
 
         `after` has the point index of each limb after the step, and `posture` the postures of the
         two stances, in this order.
         """
+        self.check(state)
+        self.check_stance(after)
         stance = tuple(after)
         here, there = (posture.take(slice(k, k + 1)) for k in range(2))
         first = np.zeros(1, int)
@@ -335,10 +345,12 @@ class StanceGraph(CheckedSteps):
         point = stances[kept, limb]
         return Successors(limb, point, postures.base_position[kept], found[kept])
 
+    @checked(late=True)
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a stance, None without such a step."""
         return next(iter(self.states_along(state, [after])[1:]), None)
 
+    @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
         """Return a state and those after steps from it to stances in turn, as far as these go.
 
@@ -368,6 +380,7 @@ class StanceGraph(CheckedSteps):
             states.append(State(stances[k], tuple(found.tolist())))
         return tuple(states)
 
+    @checked(late=True)
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,).
 

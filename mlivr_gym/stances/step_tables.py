@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
+from mlivr_gym.sharing import locked
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table, fill_rows
 from mlivr_gym.stances.table_steps import steps_of_state
@@ -70,6 +71,7 @@ _on_all_points: WeakKeyDictionary[TwoLimbGraph, StepTables] = WeakKeyDictionary(
 """Steps of graphs without obstacles and occupied points."""
 
 
+@locked
 def step_tables(graph: StanceGraph) -> StepTables:
     """Return the steps of a graph of two limbs among the present obstacles and occupied points.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_table_build import build
@@ -28,6 +29,7 @@ def files_of(graph: TableGraph) -> TableFiles[Any]:
     return TWO_LIMB_TABLES if isinstance(graph, TwoLimbGraph) else NODE_TABLES
 
 
+@checked()
 def find_table(graph: TableGraph) -> tuple[Path | None, Any] | None:
     """Return the table that ships or was built for a graph and its file; None if there is none.
 
@@ -44,11 +46,14 @@ def _use(graph: TableGraph, table: Any) -> None:
     """Give a graph its table."""
     if isinstance(graph, ImplicitGraph):
         graph.table = table
-    elif not (graph.is_complete or graph.obstacles or graph.occupied):
-        graph.steps.edges[...], graph.steps.releases[...] = table.edges, table.releases
-        graph.is_complete = True
+        return
+    with graph.lock:
+        if not (graph.is_complete or graph.obstacles or graph.occupied):
+            graph.steps.edges[...], graph.steps.releases[...] = table.edges, table.releases
+            graph.is_complete = True
 
 
+@checked()
 def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | None:
     """Build the table of a stance graph once, and store it where graphs find it.
 
@@ -71,19 +76,20 @@ def build_table(graph: TableGraph, progress: Progress | None = None) -> Path | N
     >>> graph.is_complete
     True
     """
-    if graph.obstacles or graph.occupied:
-        raise SettingError("tables are built without obstacles and occupied points; clear them")
-    found = find_table(graph)
-    if found is None:
-        work: Callable[..., Any] = fill_rows if isinstance(graph, TwoLimbGraph) else build
-        parts = Parts.of(graph, getfile(work))
-        table = work(graph, progress, parts)
-        _use(graph, table)
-        files = files_of(graph)
-        found = files.remember(graph, files.cache(graph, table), table)
-        if found[0] is not None:
-            parts.remove()
-    return found[0]
+    with graph.lock:
+        if graph.obstacles or graph.occupied:
+            raise SettingError("tables are built without obstacles and occupied points; clear them")
+        found = find_table(graph)
+        if found is None:
+            work: Callable[..., Any] = fill_rows if isinstance(graph, TwoLimbGraph) else build
+            parts = Parts.of(graph, getfile(work))
+            table = work(graph, progress, parts)
+            _use(graph, table)
+            files = files_of(graph)
+            found = files.remember(graph, files.cache(graph, table), table)
+            if found[0] is not None:
+                parts.remove()
+        return found[0]
 
 
 def write_built(graph: TableGraph, path: Path) -> None:

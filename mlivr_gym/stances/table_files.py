@@ -2,8 +2,9 @@
 
 A table of two limbs and one of three or four differ only in their arrays. An archive is a zip
 file, in which each array has a CRC-32 that reading compares. To be shipped, it is compressed; to be
-used without being read, its arrays are stored as they are and mapped into memory. Its head, a JSON
-text, names format, graph rules, robot, map and settings, so that no other graph uses the table.
+used without being read, its arrays are stored as they are and mapped into memory: they are compared
+once, and again when size or time of the file differ. Its head, a JSON text, names format, graph
+rules, robot, map and settings, so that no other graph uses the table.
 """
 
 from __future__ import annotations
@@ -11,22 +12,22 @@ from __future__ import annotations
 import io
 import json
 import logging
-import lzma
+import os
 import struct
 import zipfile
-import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, BinaryIO, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled.cache import cache_folder, source_digest
+from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
 from mlivr_gym.compiled.cached_files import mark_used
 from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.envs_assets import asset_path
@@ -53,11 +54,8 @@ HEADER = 1 << 16
 SIZES_FIELD = 20
 """Length of the zip field with the sizes of a member [bytes]."""
 
-DAMAGE = (
-    OSError, ValueError, TypeError, LookupError, AttributeError, EOFError, MemoryError,
-    OverflowError, RuntimeError, struct.error, zipfile.BadZipFile, zlib.error, lzma.LZMAError,
-)  # fmt: skip
-"""Errors of NumPy and zip on files that are torn, altered, or no archives of tables."""
+CHECKED = ".checked"
+"""End of the name of the file that says with which size and time a mapped file was checked."""
 
 Arrays = Mapping[str, NDArray[Any]]
 Table = TypeVar("Table")
@@ -86,7 +84,7 @@ class TableFiles(Generic[Table]):
     encode: Callable[[StanceGraph, Table], Arrays]
     """Returns a table in the arrays of a compressed file."""
     decode: Callable[[StanceGraph, Arrays], Table]
-    """Checks such arrays and returns the table; raises one of `DAMAGE`."""
+    """Checks such arrays and returns the table; raises any error if they are damaged."""
     mapped: tuple[Callable[[Table], Arrays], Callable[[Arrays], Table]] | None = None
     """The same for mapped arrays, if tables of this kind are mapped to be used."""
     source: Path | None = None
@@ -114,8 +112,9 @@ class TableFiles(Generic[Table]):
         stored has no file.
         """
         name, cached = self.name(graph), self.cached(graph)
-        if name in _memory:
-            return _memory[name]
+        known = _memory.get(name)
+        if known is not None:
+            return known
         files = [asset_path(name)]
         if cached is not None:
             files.append(cached.with_name(name))
@@ -154,9 +153,9 @@ class TableFiles(Generic[Table]):
             if self.mapped and path == self.cached(graph):
                 return self.mapped[1](self.arrays(graph, path, mapped=True))
             return self.decode(graph, self.arrays(graph, path))
-        except DAMAGE as error:
-            if isinstance(error, TableError):
-                raise
+        except TableError:
+            raise
+        except Exception:  # NumPy and zip raise errors of many kinds on altered files
             raise TableError(
                 f"table file {str(path)!r} is damaged, or not of format {self.format}"
             ) from None
@@ -174,7 +173,7 @@ class TableFiles(Generic[Table]):
         if path is None:
             return None
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_private(path.parent)
             if self.mapped:
                 write_whole(path, self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED))
             else:
@@ -203,13 +202,15 @@ class TableFiles(Generic[Table]):
         """Return the arrays of a graph in an archive, which cannot be written to.
 
         They are decompressed while others are used already. If they are mapped, the archive has to
-        be without compression. Only the pages that are used are then read, so that CRC-32s are not
-        compared; they can be changed in memory. Raises a `TableError` if they are of another graph,
-        and one of `DAMAGE` if the file is damaged, which an array may also do when it is used.
+        be without compression. Only the pages that are used are then read, if the file was checked
+        before; they can be changed in memory. Raises a `TableError` if they are of another graph,
+        and any error if the file is damaged, which an array may also do when it is used.
         """
         with path.open("rb") as stream:
             whole = np.memmap(stream, np.uint8, mode="c") if mapped else None
             archive = zipfile.ZipFile(stream if mapped else io.BytesIO(stream.read()))
+            if mapped:
+                _check_once(path, stream, archive)
             check_head(path, json.loads(archive.read(HEAD)), self.head(graph))
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()[1:]}
             if whole is None:
@@ -254,6 +255,19 @@ def check_head(path: Path, head: dict[str, Any], expected: dict[str, Any]) -> No
     if not others:
         raise ValueError
     raise TableError(f"table file {str(path)!r} is for {' and '.join(others)}")
+
+
+def _check_once(path: Path, stream: BinaryIO, archive: zipfile.ZipFile) -> None:
+    """Compare the CRC-32s of an archive, unless that was done for its present size and time."""
+    state, checked = os.fstat(stream.fileno()), path.with_name(path.name + CHECKED)
+    present = f"{state.st_size} {state.st_mtime_ns}".encode()
+    with suppress(OSError):
+        if checked.read_bytes() == present:
+            return
+    if archive.testzip() is not None:
+        raise ValueError
+    with suppress(FileError):  # a folder without permission to write
+        write_whole(checked, present)
 
 
 class _InThreads(Mapping[str, NDArray[Any]]):

@@ -13,8 +13,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
@@ -23,8 +23,10 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
+from mlivr_gym.sharing import locked
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
+from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -72,11 +74,16 @@ class TwoLimbGraph(StanceGraph):
         also holds without thresholds.
     """
 
-    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Read stances and steps from a table if there is one, else compute the stances."""
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings,
+        known: TwoLimbStances | None = None,
+    ) -> None:  # fmt: skip
+        """Take what is known, read stances and steps from a table, or compute the stances."""
         super().__init__(grasp_map, robot, settings)
-        found = TWO_LIMB_TABLES.find(self) if self.solver_class is PostureSolver else None
-        known = found[1] if found else self._computed()
+        may_find = known is None and self.solver_class is PostureSolver
+        found = TWO_LIMB_TABLES.find(self) if may_find else None
+        self._is_from_file = found is not None
+        known = known or (found[1] if found else self._computed())
         self.considered, self.reachable, self.no_departure, *removed = (
             known.counts[name] for name in COUNTS
         )
@@ -89,12 +96,17 @@ class TwoLimbGraph(StanceGraph):
         stances = self.checks.stances(self.points, chosen)
         if known.releases is not None:
             stances = stances._replace(releases=known.releases)
-        self._free = TwoLimbEdges(self.checks, stances, len(grasp_map), known.edges)
-        self._known = self._free
+        self._free = self._known = TwoLimbEdges(self.checks, stances, len(grasp_map), known.edges)
         self._table: NodeTable | None = None
         self._is_table_complete = False
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy what the graph is made of, and what no file has of its stances and steps."""
+        kind, made_of, world = super().__reduce__()
+        return kind, (*made_of, None if self._is_from_file else self.file_contents()), world
+
     @property
+    @locked
     def table(self) -> NodeTable:  # type: ignore[override]
         """All stances and the edges checked so far; once all are, a new and complete table."""
         if self._table is None or (self._free.is_complete and not self._is_table_complete):
@@ -111,12 +123,8 @@ class TwoLimbGraph(StanceGraph):
         """Compute every stance, without steps."""
         postures = self.postures(self.pairs)
         node = self.is_node(postures)
-        stuck = (
-            ~node
-            & (postures.cause == CLEAR)
-            & (postures.w_b > 0.0)
-            & (postures.w_b >= self.base_threshold)
-        )
+        clear, w_b = postures.cause == CLEAR, postures.w_b
+        stuck = ~node & clear & (w_b > 0.0) & (w_b >= self.base_threshold)
         no_departure = (stuck & (postures.w_m >= self.limb_threshold).all(axis=1)).sum()
         counts = [len(self.pairs), int(postures.reachable.sum()), int(no_departure)]
         counts += [int(np.isin(postures.cause[~node], causes).sum()) for causes in REMOVED.values()]
@@ -125,12 +133,12 @@ class TwoLimbGraph(StanceGraph):
 
     def file_contents(self) -> TwoLimbStances:
         """Return all that is known without obstacles and occupied points, as files have it."""
-        table = self._free.table
-        if not table.check:
-            return self._contents
-        return self._contents._replace(releases=table.releases, edges=table.edges)
+        table, known = self._free.table, self._contents
+        is_all = self._free.is_complete and table.check
+        return known._replace(releases=table.releases, edges=table.edges) if is_all else known
 
     @property
+    @locked
     def branch_sets(self) -> IntArray:
         """Branches and flips on which each limb may hold among the obstacles, shape (n, 2)."""
         self._known.check_nodes(slice(None))
@@ -235,13 +243,7 @@ class TwoLimbGraph(StanceGraph):
     @cached_property
     def farther_than_span(self) -> int:
         """Number of ordered pairs of points beyond the span that two outstretched limbs reach."""
-        robot = self.robot
-        reach = 2.0 * robot.reach
-        pairs = scipy.spatial.cKDTree(self.grasp_map.positions).query_pairs(
-            reach, output_type="ndarray"
-        )
-        apart = np.linalg.norm(np.diff(self.grasp_map.positions[pairs], axis=1)[:, 0], axis=1)
-        return 2 * int((apart > robot.span + 1e-9).sum())
+        return count_farther(self.grasp_map, self.robot)
 
     def find(self, stance: Sequence[int]) -> int:
         """Return the index of a stance given by point indices, -1 if it is no node."""
@@ -255,6 +257,7 @@ class TwoLimbGraph(StanceGraph):
         s = self.find(stance)
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
 
+    @checked()
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
         rows = np.array([self.find(state.stance) if state.pose is None else -1 for state in states])
@@ -300,6 +303,7 @@ class TwoLimbGraph(StanceGraph):
         support = 1 - moving_limb(state.stance, tuple(after))
         return self._known.edge(state.branch_sets[support], support, s0, s1)
 
+    @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
         """Return a state and those after steps from it, see `StanceGraph.states_along`."""
         self.check(state)
@@ -314,6 +318,8 @@ class TwoLimbGraph(StanceGraph):
 
     def _state_after_step(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a stance, None without such a step."""
+        self.check(state)
+        self.check_stance(after)
         if (np.array(state.stance) != after).sum() != 1:
             return None
         limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2
@@ -322,6 +328,7 @@ class TwoLimbGraph(StanceGraph):
         k = steps.find(limb, after[limb])
         return None if k < 0 else steps.after(state, k)
 
+    @checked(late=True)
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether the support limb could be released after each step, shape (k,)."""
         states = [steps.after(state, k) for k in range(len(steps.limb))]
@@ -338,8 +345,8 @@ class TwoLimbGraph(StanceGraph):
 
     def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
-        rows = [self.stances_with(1 - limb, stance[1 - limb]) for limb in range(2)]
-        chosen = np.concatenate(rows)
+        self.check_stance(stance)
+        chosen = np.concatenate([self.stances_with(1 - i, stance[1 - i]) for i in range(2)])
         chosen = chosen[(self.points[chosen] != stance).any(axis=1)]
         postures = self.node_postures(chosen)
         node = self.is_node(postures)
@@ -394,7 +401,7 @@ class TwoLimbGraph(StanceGraph):
     @cached_property
     def max_displacement(self) -> float:
         """Largest base displacement of one step [m], over all pairs of stances of a row."""
-        out = np.zeros(len(self.grasp_map))
+        out, table = np.zeros(len(self.grasp_map)), self._free.table
         for support in range(2):
-            longest_step(support, self.steps.rows, self.steps.row_start, self.base_position, out)
+            longest_step(support, table.rows, table.row_start, self.base_position, out)
         return max(float(np.sqrt(out.max())), 1e-9)

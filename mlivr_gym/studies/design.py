@@ -14,6 +14,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from mlivr_gym.arguments import Reader, checked
 from mlivr_gym.errors import MlivrError, SettingError, path_shown
 from mlivr_gym.files import FileError
 from mlivr_gym.motion.plan_parts import COSTS
@@ -78,6 +79,16 @@ def is_function(kind: str) -> bool:
     return ":" in kind
 
 
+KIND = Reader(
+    lambda kind, place: (
+        kind
+        if isinstance(kind, str) and is_function(kind)
+        else Choice(tuple(FACTORS)).read(kind, place)
+    )
+)
+"""Validator of a kind of study."""
+
+
 @dataclass(frozen=True)
 class _Level:
     """Validator of the levels of functions."""
@@ -93,7 +104,7 @@ def _validators(kind: str, data: object, place: FieldPath) -> dict[str, Validato
     if is_function(kind):
         factors = data.get("factors") if isinstance(data, Mapping) else None
         return dict.fromkeys(factors, _Level()) if isinstance(factors, Mapping) else {}
-    Choice(tuple(FACTORS)).read(kind, place.field("kind"))
+    KIND.read(kind, place.field("kind"))
     return {name: validator for name, (validator, _) in FACTORS[kind].items()}
 
 
@@ -148,6 +159,7 @@ class StudyDesign:
         return cls(**({"factors": {}} | read))
 
     @classmethod
+    @checked()
     def from_file(cls, path: str | Path) -> StudyDesign:
         """Return the design that a TOML file describes.
 
@@ -155,6 +167,10 @@ class StudyDesign:
         """
         try:
             data = tomllib.loads(Path(path).read_text("utf-8"))
+        except RecursionError:
+            raise FileError(
+                f"cannot read study {path_shown(path)}: it is nested too deeply"
+            ) from None
         except (OSError, ValueError) as error:  # ValueError: neither UTF-8 nor TOML
             reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
             raise FileError(f"cannot read study {path_shown(path)}: {reason}") from None

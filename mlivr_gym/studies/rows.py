@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, SettingError, StanceError
 from mlivr_gym.planners.planner import Planner
@@ -21,7 +22,14 @@ from mlivr_gym.stances.random_states import TRIES, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.studies.design import FACTORS, TABLE_FACTORS, RunBlock, StudyDesign, is_function
+from mlivr_gym.studies.design import (
+    FACTORS,
+    KIND,
+    TABLE_FACTORS,
+    RunBlock,
+    StudyDesign,
+    is_function,
+)
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:  # loads GL
@@ -58,6 +66,7 @@ times in seconds, forces in newtons; `seconds` is the time that the run took to 
 first action or to build, which no two runs share to the last digit."""
 
 
+@checked({"kind": KIND})
 def columns_of(kind: str) -> dict[str, str]:
     """Return all columns of a kind of study with their Arrow types, the factors included.
 

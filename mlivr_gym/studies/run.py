@@ -15,6 +15,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from pathlib import Path
 
 from mlivr_gym import __version__
+from mlivr_gym.arguments import checked
 from mlivr_gym.engines import ENGINES, executor_of
 from mlivr_gym.errors import SettingError, path_shown
 from mlivr_gym.extras import require
@@ -34,6 +35,7 @@ Progress = Callable[[int, int], None]
 """Called with the number of finished runs, and with that of all."""
 
 
+@checked()
 def run_study(
     design: StudyDesign,
     folder: str | Path,
@@ -195,6 +197,7 @@ def _finish(path: Path, design: StudyDesign, blocks: int) -> Path:
     return path / RESULT
 
 
+@checked()
 def read_study(folder: str | Path) -> list[Row]:
     """Return the rows of a study that is finished, in the order of its runs.
 

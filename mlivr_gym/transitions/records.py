@@ -8,6 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows, Vector
@@ -17,6 +18,9 @@ from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
+
+STORED_ALONE, STORED_FIRST = 1, 2
+"""Values of `StepRecord.recheck`."""
 
 
 class ReleaseRecord(Record):
@@ -89,8 +93,9 @@ class StepRecord(Record):
     """Branches that each support limb may be on."""
     fixed: bool
     """Whether the limbs are on just these branches, so that none is preferred."""
-    recheck: bool
-    """Whether the edge is known in the world without obstacles, and only this edge is checked."""
+    recheck: int
+    """0 if the edge is not known; `STORED_ALONE` if only the swings by which it is known are
+    checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
     on_arc: int
@@ -102,11 +107,15 @@ class StepRecord(Record):
     line_branches: int
     """Branches between which it can swing along a line in joint space, `8 * before + after`, or
     -1."""
+    swings: int
+    """Of two limbs: for each branch of the support, four bits with the code of its swing, see
+    `line_steps`."""
 
 
 class StepScratch(Record):
     """Scratch of the check of one step."""
 
+    line: LineScratch
     sweep: SweepScratch
     holding: Holding
     path: BasePath

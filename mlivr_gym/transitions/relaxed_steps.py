@@ -19,14 +19,13 @@ from mlivr_gym.transitions.grasp_poses import folded
 from mlivr_gym.transitions.motions import set_base_motion, swing_clear
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
-    TRIES,
     all_follow,
     line_clear,
-    lines_by_travel,
     reset_step,
     set_step_path,
 )
 from mlivr_gym.transitions.supports import SWING_INDEPENDENT, SWING_LIMB, both_clear, each_clear
+from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
 
 
 @entry

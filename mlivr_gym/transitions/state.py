@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.errors import StanceError, shortened
@@ -26,6 +27,7 @@ class State(NamedTuple):
     """Base pose x, y, z [m] and quaternion w, x, y, z that a user gave; None for that of the
     posture."""
 
+    @checked(late=True)
     def stance_after(self, limb: int, point: int) -> tuple[int, ...]:
         """Return the stance after `limb` has moved to `point`."""
         return (*self.stance[:limb], point, *self.stance[limb + 1 :])
@@ -47,16 +49,22 @@ class Successors(NamedTuple):
         """Return whether any step leaves the state."""
         return len(self.limb) > 0
 
+    @checked(late=True)
     def find(self, limb: int, point: int) -> int:
         """Return the index of the step that moves `limb` to `point`, -1 if there is none."""
         found = np.flatnonzero((self.limb == limb) & (self.point == point))
         return int(found[0]) if len(found) else -1
 
+    @checked(late=True)
     def after(self, before: State, k: int) -> State:
         """Return the state after step `k` from the state `before`, which these steps leave."""
-        stance = before.stance_after(int(self.limb[k]), int(self.point[k]))
+        try:
+            stance = before.stance_after(int(self.limb[k]), int(self.point[k]))
+        except IndexError:
+            raise StanceError(f"k is {k}; there are {len(self.limb)} steps, from 0") from None
         return State(stance, tuple(self.branch_sets[k].tolist()))
 
+    @checked(late=True)
     def take(self, kept: IntArray) -> Successors:
         """Return some of the steps, given by index or truth value."""
         return Successors(
@@ -79,7 +87,8 @@ def check_integers(given: Any, count: int, most: int, what: str) -> None:
     StanceError
         Which names the value and what is valid.
     """
-    if isinstance(given, (tuple, list, np.ndarray)) and len(given) == count:
+    rows = isinstance(given, (tuple, list)) or (isinstance(given, np.ndarray) and given.ndim > 0)
+    if rows and len(given) == count:
         for k in given:
             if not isinstance(k, (int, np.integer)) or not 0 <= k <= most:
                 break
@@ -92,5 +101,7 @@ def check_integers(given: Any, count: int, most: int, what: str) -> None:
 
 def check_state(state: State, limbs: int, points: int) -> None:
     """Check that a state is one of some number of limbs and points, see `check_integers`."""
+    if not isinstance(state, State):
+        raise StanceError(f"state {shortened(state)} must be a State")
     check_integers(state.stance, limbs, points - 1, "stance")
     check_integers(state.branch_sets, limbs, ALL, "branch sets")

@@ -21,14 +21,13 @@ from mlivr_gym.compiled.bit_sets import (
     NONE,
     any_flip,
     has,
-    has_branch,
     only,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, comes_first, set_path
+from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import held_branches
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.grasp_poses import folded, lifted_branches, line_end
+from mlivr_gym.transitions.grasp_poses import folded, line_end
 from mlivr_gym.transitions.motions import (
     set_base_motion,
     swing_clear,
@@ -40,12 +39,7 @@ from mlivr_gym.transitions.supports import (
     SWING_LIMB,
     remove_collisions,
 )
-
-TRIES = 8
-"""Maximum number of pairs of branches that are checked for one base path."""
-
-TIE = 1e-9
-"""Difference of lengths up to which lines count as equally long [rad]: the first pair is used."""
+from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
 
 
 @entry
@@ -306,45 +300,6 @@ def _on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> N
                 step.line_branches = line_branches
                 _keep(path_kind, step, robot, scratch)
                 return
-
-
-@kernel
-def lines_by_travel(step: StepRecord, context: StepContext, scratch: StepScratch) -> int:
-    """List the lines along which a limb may swing, see `pairs_by_travel`; return how many."""
-    stances, robot, world = context.stances, context.robots[0], context.world
-    limb = robot.limbs[step.limb]
-    for side in range(2):
-        s = step.after if side else step.before
-        grasp = world.grasps[stances.points[s, step.limb]]
-        branch_set = stances.releases[s, step.limb].branches
-        base = stances.base[s]
-        scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, branch_set, side, scratch)
-    start = world.grasps[stances.points[step.before, step.limb]].point
-    end = world.grasps[stances.points[step.after, step.limb]].point
-    return pairs_by_travel(comes_first(vector(end), vector(start)), scratch)
-
-
-@kernel
-def pairs_by_travel(back: bool, scratch: StepScratch) -> int:
-    """Write the pairs of branches above both points, the shortest line first, into `scratch.order`.
-
-    Returns the number of pairs. Lines of equal length, of which there are many where wrists are
-    spherical, come in the order of their branches at the point that comes first, which is the
-    second with `back`: the step back takes the same line.
-    """
-    order, travel, count = scratch.order, scratch.travel, 0
-    for first in range(BRANCHES):
-        for second in range(BRANCHES):
-            b0, b1 = (second, first) if back else (first, second)
-            if has_branch(scratch.lifted[0], b0) and has_branch(scratch.lifted[1], b1):
-                length = line_end(scratch.q[0, b0], scratch.q[1, b1], scratch.end)
-                position = count
-                while position > 0 and travel[position - 1] > length + TIE:
-                    travel[position], order[position] = travel[position - 1], order[position - 1]
-                    position -= 1
-                travel[position], order[position] = length, BRANCHES * b0 + b1
-                count += 1
-    return count
 
 
 @part

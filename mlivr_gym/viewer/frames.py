@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import PlanError, one_line
+from mlivr_gym.errors import PlanError, path_shown
 from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
@@ -25,6 +25,21 @@ STEP_TIME = 5.0
 
 FRAME_TIME = 0.05
 """Minimum time between two frames [s]."""
+
+EACH_LIMB = -1
+"""Stands for the number of limbs in a shape."""
+
+SHAPES = {
+    **dict.fromkeys(("base_positions", "module_forces", "module_torques"), (3,)),
+    **dict.fromkeys(("momenta", "angular_momenta"), (3,)),
+    "base_quaternions": (4,),
+    **dict.fromkeys(("joint_positions", "joint_torques"), (EACH_LIMB, 6)),
+    **dict.fromkeys(("grasp_forces", "grasp_torques"), (EACH_LIMB, 3)),
+}
+"""Shape of one sample of each measurement of a recording that is more than a number."""
+
+COUNTED = ("step", "phase", "contacts")
+"""Measurements that are whole numbers."""
 
 AT_REST = len(PHASES)
 """Phase of a frame in which the robot rests in a stance."""
@@ -119,18 +134,19 @@ def load_recording(path: str | Path, plan: Plan) -> Recording:
             arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Recording)}
     except Exception as error:  # NumPy, zipfile and zlib raise errors of many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise PlanError(f"cannot read simulation {str(path)!r}: {one_line(reason)}") from None
-    count, limbs = len(arrays["times"]), plan.world.robot.limbs
-    shapes = {"joint_positions": (count, limbs, 6), "grasp_forces": (count, limbs, 3)}
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise PlanError(
-                f"simulation {str(path)!r} does not belong to the plan: {name} has shape "
-                f"{arrays[name].shape}, not {shape}"
-            )
+        raise PlanError(f"cannot read simulation {str(path)!r}: {reason}") from None
+    count, limbs = arrays["times"].size, plan.world.robot.limbs
+    elsewhere = f"simulation {path_shown(path)} does not belong to the plan"
+    for name, array in arrays.items():
+        shape = (count, *(limbs if size == EACH_LIMB else size for size in SHAPES.get(name, ())))
+        if array.shape != shape:
+            raise PlanError(f"{elsewhere}: {name} has shape {array.shape}, not {shape}")
+        if array.dtype.kind not in ("iu" if name in COUNTED else "f"):
+            raise PlanError(f"{elsewhere}: {name} holds values of type {array.dtype}")
+        if not np.isfinite(array).all() or (name in COUNTED and array.min(initial=0) < 0):
+            raise PlanError(f"{elsewhere}: {name} has a value that is not finite or below 0")
     if not count or int(arrays["step"].max()) >= len(plan.steps):
-        raise PlanError(
-            f"simulation {str(path)!r} does not belong to the plan, which has "
-            f"{len(plan.steps)} steps"
-        )
+        raise PlanError(f"{elsewhere}, which has {len(plan.steps)} steps")
+    if arrays["phase"].max() >= len(PHASES) or (np.diff(arrays["times"]) < 0.0).any():
+        raise PlanError(f"{elsewhere}: its phases are unknown, or its times are not in order")
     return Recording(**arrays)

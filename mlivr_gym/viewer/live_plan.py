@@ -110,7 +110,8 @@ class LivePlan:
             return ""
         names = ("start", "goal", "goal_tolerance", "goal_face", "start_pose", "start_joints")
         query = {name: getattr(self.query, name) for name in names}
-        return self.planner.why_not(**query, limit=CAUSE_LIMIT).message
+        cause = self.planner.why_not(**query, limit=CAUSE_LIMIT).message
+        return "" if cause == self.message else cause
 
     def set_start_point(self, limb: int, point: str) -> None:
         """Start with a limb at another point, in the posture of the resulting stance."""

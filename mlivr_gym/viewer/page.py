@@ -12,12 +12,15 @@ import json
 import logging
 import re
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from http import HTTPStatus
+from ipaddress import ip_address
 from typing import Any
 
 import numpy as np
 import viser
 import viser.uplot
+import websockets.asyncio.server as websocket_server
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
@@ -56,7 +59,7 @@ class Page:
             ) from None
         # Otherwise a browser that opens a connection and drops it would cause a traceback.
         logging.getLogger("websockets.server").setLevel(logging.CRITICAL)
-        with _silence():
+        with _silence(), _same_origin_only(host):
             self.server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.scene, self.gui = self.server.scene, self.server.gui
         self.gui.add_html(_TAB.format(html.escape(json.dumps(title))))
@@ -212,6 +215,43 @@ class Page:
         """Stop the server."""
         with _silence():
             self.server.stop()
+
+
+@contextlib.contextmanager
+def _same_origin_only(host: str) -> Iterator[None]:
+    """Let servers that are started in the block refuse the pages of other sites.
+
+    Any page in the same browser can send requests to this computer. Its browser tells its origin,
+    which must be this server; and a name of another site, which may be made to lead here (DNS
+    rebinding), is none of this server. The library has no option for it.
+    """
+    serve, names = websocket_server.serve, {host, "localhost", socket.gethostname()}
+
+    def checked(*args: Any, process_request: Any, **options: Any) -> Any:
+        def answer(connection: Any, request: Any) -> Any:
+            asked = request.headers.get("Host", "")
+            origin = request.headers.get("Origin", f"http://{asked}")
+            name = asked.rsplit(":", 1)[0]
+            if origin != f"http://{asked}" or not (name in names or _is_address(name)):
+                return connection.respond(HTTPStatus.FORBIDDEN, "another site\n")
+            return process_request(connection, request)
+
+        return serve(*args, process_request=answer, **options)
+
+    websocket_server.serve = checked  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        websocket_server.serve = serve  # type: ignore[misc]
+
+
+def _is_address(name: str) -> bool:
+    """Return whether the name of a host is an IP address, which no other site can have."""
+    try:
+        ip_address(name.strip("[]"))
+    except ValueError:
+        return False
+    return True
 
 
 def _silence() -> contextlib.redirect_stdout[io.StringIO]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +40,9 @@ class RowPath(FieldPath):
 def read_points(path: str | Path, entries: Mapping[str, Any] | None = None) -> list[dict[str, Any]]:
     """Read the points of a table in UTF-8 as plain data, in the unit of other entries of the map.
 
-    A header line names the columns. Raises a `MapError` if the file cannot be read, a column is
-    missing, unknown or named twice, or a row is no point, with its line; or if the other entries
-    have points, too.
+    A header line names the columns; lines that begin with `#` are comments. Raises a `MapError` if
+    the file cannot be read, a column is missing, unknown or named twice, or a row is no point, with
+    its line; or if the other entries have points, too.
     """
     others = dict(entries or {})
     if "points" in others:
@@ -50,7 +50,7 @@ def read_points(path: str | Path, entries: Mapping[str, Any] | None = None) -> l
     metres = metres_per_unit(others, FieldPath("", MapError))
     try:
         with open(path, encoding="utf-8-sig", newline="") as stream, told_in_metres(others):
-            return _points(csv.reader(stream), Path(path).stem, metres)
+            return _points(csv.reader(_without_comments(stream)), Path(path).stem, metres)
     except MapError as fault:
         raise MapError(f"map {path_shown(path)}: {fault}") from None
     except OSError as fault:
@@ -62,10 +62,16 @@ def read_points(path: str | Path, entries: Mapping[str, Any] | None = None) -> l
     raise MapError(f"cannot read map {path_shown(path)}: {reason}")
 
 
+def _without_comments(lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines, with a blank one in place of each comment, since lines are counted."""
+    for line in lines:
+        yield "\n" if line.lstrip().startswith("#") else line
+
+
 def _points(lines: Any, name: str, metres: float) -> list[dict[str, Any]]:
-    """Return the points below the header line."""
-    header = [column.strip() for column in next(lines, [])]
-    _check_header(header)
+    """Return the points below the header line, the first one that is not blank."""
+    header = [column.strip() for column in next(filter(None, lines), [])]
+    _check_header(header, lines.line_num or 1)
     points: list[dict[str, Any]] = []
     line_of: dict[str, int] = {}
     for row in lines:
@@ -92,21 +98,21 @@ def _points(lines: Any, name: str, metres: float) -> list[dict[str, Any]]:
     return points
 
 
-def _check_header(header: list[str]) -> None:
+def _check_header(header: list[str], line: int) -> None:
     """Refuse a header that lacks a column, or has one that is unknown or named twice."""
     columns = f"the columns are {', '.join(REQUIRED_COLUMNS)} and, if you like, {FACE}"
     if not any(header):
-        raise MapError(f"line 1 is empty; {columns}")
+        raise MapError(f"line {line} is empty; {columns}")
     if len(header) == 1:
-        raise MapError(f"line 1 is {shortened(header[0])}, without a comma; {columns}")
+        raise MapError(f"line {line} is {shortened(header[0])}, without a comma; {columns}")
     for column in REQUIRED_COLUMNS:
         if column not in header:
-            raise MapError(f"line 1 lacks the column {column!r}; {columns}")
+            raise MapError(f"line {line} lacks the column {column!r}; {columns}")
     for column in header:
         if column not in (*REQUIRED_COLUMNS, FACE):
-            raise MapError(f"line 1 has the unknown column {shortened(column)}; {columns}")
+            raise MapError(f"line {line} has the unknown column {shortened(column)}; {columns}")
         if header.count(column) > 1:
-            raise MapError(f"line 1 names the column {column!r} twice")
+            raise MapError(f"line {line} names the column {column!r} twice")
 
 
 def _number(text: str, column: str, line: int) -> float:

@@ -123,7 +123,7 @@ class GraspMap(EqualByData):
             positions=self.positions[chosen],
             rotations=self.rotations[chosen],
             faces=tuple(self.faces[i] for i in chosen),
-            name=name or self.name,
+            name=self.name if name is None else name,
         )
 
     @checked({"seed": SEED, "keep": STANCE, "clear_deck": OrNone(Tuples((2,)))})
@@ -155,9 +155,11 @@ class GraspMap(EqualByData):
         """
         array, (low, high) = GOAL.read(goal, FieldPath("goal", GoalError)), self.cabin
         if (array < low).any() or (array > high).any():
+            nearest = np.clip(array, low, high)
             raise GoalError(
-                f"goal {array.tolist()} lies outside the cabin, which reaches from {low.tolist()} "
-                f"to {high.tolist()} (field 'cabin' of the map)"
+                f"goal {array.tolist()} lies {np.linalg.norm(array - nearest):.3f} m outside the "
+                f"cabin, which reaches from {low.tolist()} to {high.tolist()} (field 'cabin' of "
+                f"the map); the nearest position inside is {nearest.tolist()}"
             )
         return array
 
@@ -189,9 +191,9 @@ class GraspMap(EqualByData):
         """Read a map from a JSON file, see `from_dict` for its fields, or from a CSV table.
 
         Spacing and clearance [m] override those of the file; `unit` is that of the lengths in the
-        file, `"m"` or `"mm"`, if it does not name one. Raises a `MapError` if the file cannot be
-        read, an entry is faulty, which is named, or an argument would be of no effect, and a
-        `SettingError` if another argument is faulty.
+        file, such as `"mm"` or `"in"`, if it does not name one. Raises a `MapError` if the file
+        cannot be read, an entry is faulty, which is named, or an argument would be of no effect,
+        and a `SettingError` if another argument is faulty.
         """
         given, file = overrides(spacing, clearance, unit), _file(path)
         if file.suffix.lower() == ".csv":

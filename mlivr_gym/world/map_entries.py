@@ -114,11 +114,11 @@ POINTS = Fields(
 
 def whole_fields(given: Mapping[str, Any], place: FieldPath) -> dict[str, Any]:
     """Return the fields of a `GraspMap` as `POINTS` reads them, checked against each other."""
-    if not len(given["ids"]):
-        raise place.fault("has no graspable point")
     found = {
         name: kind.read(given[name], place.field(name)) for name, kind in POINTS.required.items()
     }
+    if not found["ids"]:
+        raise place.fault("has no graspable point")
     check_unique(found["ids"], "point", MapError)
     check_unique([box.id for box in found["boxes"]], "box", MapError)
     count = len(found["ids"])
@@ -279,7 +279,7 @@ def _fields_of(read: dict[str, Any], root: FieldPath, name: str, folder: Path) -
         raise MapError("the map has no graspable point; give 'points', 'segments' or 'parts'")
     positions = np.array([row[2] for row in rows]).reshape(-1, 3)
     if not ("unit" in read or parts):
-        check_points(positions)
+        check_points(positions, read.get("name", name))
     cabin = read.get("cabin")
     if cabin is None and not parts:
         around = positions.min(axis=0) - MARGIN, positions.max(axis=0) + MARGIN

@@ -137,7 +137,7 @@ def _triangles(path: str | Path) -> Array:
     try:
         # Unprocessed, since processing leaves out triangles with corners that are not finite.
         mesh: Any = trimesh.load(path, force="mesh", process=False)
-        corners = np.asarray(mesh.triangles, dtype=np.float64)
+        corners = np.asarray(mesh.triangles, dtype=np.float64).reshape(-1, 3, 3)
     except Exception as fault:  # trimesh has no error type of its own, nor words for users
         kind = "glTF" if suffix.startswith(".gl") else suffix[1:].upper()
         reason = f"it is no {kind} file of triangles, or damaged"

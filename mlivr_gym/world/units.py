@@ -1,7 +1,8 @@
-"""Units of map files, and maps in millimetres that do not say so."""
+"""Units of map files, and maps in other units than metres that do not say so."""
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -10,30 +11,34 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MapError
+from mlivr_gym.errors import MapError, shortened
 from mlivr_gym.schema import Choice, FieldPath, Fields, ListOf, Numbers, OrNone, Struct
 from mlivr_gym.world.boxes import BOX_DATA, CORNERS, Boxes
 from mlivr_gym.world.rails import Segment
 
-METRES = {"m": 1.0, "mm": 0.001}
+METRES = {"m": 1.0, "mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048}
 """Metres per unit of length of a map file."""
 
 UNIT_OF_LENGTH = Choice(tuple(METRES))
 """Unit of all lengths of a map file."""
 
 FAR = 100.0
-"""Coordinate, or length of a rail, above which a map may be in millimetres [m].
+"""Coordinate, or length of a rail, above which a map may be in another unit [m].
 
 The ISS, 109 m long, reaches half as far from its middle.
 """
 
 SPARSE = 2.4
-"""Distance of a point from its nearest neighbour above which a map may be in millimetres [m].
+"""Distance of a point from its nearest neighbour above which a map may be in another unit [m].
 
 It is the span of the robots with UR5e limbs.
 """
 
-QUESTION = "which looks like millimetres: give unit 'mm', or 'm' if these are metres"
+LARGE = 50.0
+"""Extent of the points of a map, along an axis, above which its unit is asked for [m]."""
+
+OTHERS = ", ".join(repr(unit) for unit in METRES if unit != "m")
+QUESTION = f"which looks like another unit: give the unit, one of {OTHERS}, or 'm' for metres"
 """End of the message about a map that does not say its unit."""
 
 
@@ -112,19 +117,25 @@ def check_rails(segments: Sequence[Segment], place: FieldPath) -> None:
             raise place.field("segments").entry(k).fault(f"is {length:g} m long, {QUESTION}")
 
 
-def check_points(positions: Array) -> None:
+def check_points(positions: Array, name: str) -> None:
     """Refuse points that are far from the origin and from each other, of a map that names no unit.
 
     Raises a `MapError` if a coordinate is above `FAR`, and the median of the distances of the
-    points, shape (m, 3) [m], from their nearest neighbours is above `SPARSE`.
+    points, shape (m, 3) [m], from their nearest neighbours is above `SPARSE`. A map with a name
+    that is otherwise larger than `LARGE` is used, with a warning.
     """
     farthest = float(np.abs(positions).max(initial=0.0))
-    if farthest <= FAR:
-        return
-    from scipy.spatial import cKDTree
+    if farthest > FAR:
+        from scipy.spatial import cKDTree
 
-    apart = np.median(cKDTree(positions).query(positions, 2)[0][:, 1])
-    if apart > SPARSE:
-        alone = len(positions) == 1
-        how = "there is one point" if alone else f"points lie {apart:g} m apart in the median"
-        raise MapError(f"{how}, and a coordinate is {farthest:g} m, {QUESTION}")
+        apart = np.median(cKDTree(positions).query(positions, 2)[0][:, 1])
+        if apart > SPARSE:
+            alone = len(positions) == 1
+            how = "there is one point" if alone else f"points lie {apart:g} m apart in the median"
+            raise MapError(f"{how}, and a coordinate is {farthest:g} m, {QUESTION}")
+    extent = float(np.ptp(positions, axis=0).max())
+    if extent > LARGE:
+        logging.getLogger(__name__).warning(
+            "map %s is %g m long; if its lengths are not in metres, give its unit, one of %s",
+            shortened(name), extent, OTHERS,
+        )  # fmt: skip

@@ -1,5 +1,9 @@
 """What counts as a success: the goal was reached, and nothing else."""
 
+import itertools
+import math
+from types import SimpleNamespace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -140,9 +144,44 @@ def test_tasks_are_evaluated_with_their_points_occupied(table_env):
     assert all(point not in state.stance for state in seen[1])
 
 
+def test_what_is_counted_and_measured_is_that_of_the_episodes(small_map, monkeypatch):
+    """By a clock that each look at it moves on by a second, and what the environment returned."""
+    env = MlivrEnv(map=small_map, collisions=False, grasp_failure=0.45)
+    looks, told, step, walks = itertools.count(), [], MlivrEnv.step, []
+    clock = SimpleNamespace(perf_counter=lambda: float(next(looks)))
+    monkeypatch.setattr("mlivr_gym.agents.evaluation.time", clock)
+
+    def noted(world, action):
+        found = step(world, action)
+        told[-1].append(found[4])
+        return found
+
+    monkeypatch.setattr(MlivrEnv, "step", noted)
+    reset = MlivrEnv.reset
+    monkeypatch.setattr(MlivrEnv, "reset", lambda *a, **o: (told.append([]), reset(*a, **o))[1])
+    result = evaluate(
+        env, RandomPolicy(0), 6, execute=lambda world, states: bool(walks.append(states)) or True
+    )
+    counts = [len(infos) for infos in told]
+    assert max(counts) > 1
+    assert result.steps.tolist() == counts
+    assert result.decision.tolist() == [float(count > 0) for count in counts]
+    assert result.first_decision.tolist() == [2.0 * (count > 0) for count in counts]
+    failed = [sum(bool(info["grasp_failed"]) for info in infos) for infos in told]
+    assert max(failed) > 1
+    assert result.failed_grasps.tolist() == failed
+    metres = []
+    for states in walks:
+        places = env.graph.postures_of(states).base_position
+        metres.append(sum(math.dist(*pair) for pair in itertools.pairwise(places.tolist())))
+    assert result.base_translation[result.success] == pytest.approx(metres)
+    assert result.success_rate == np.mean(result.success)
+
+
 def test_bootstrap_interval_of_a_mean():
-    """Against the normal approximation."""
-    values = np.random.default_rng(0).normal(5.0, 2.0, 400)
-    low, high = bootstrap(values)
-    assert low == pytest.approx(values.mean() - 1.96 * 0.1, abs=0.05)
-    assert high == pytest.approx(values.mean() + 0.196, abs=0.05)
+    """Against the normal approximation at 95 %, on average over many samples of 400 values."""
+    rng, ends = np.random.default_rng(0), []
+    for _ in range(30):
+        values = rng.normal(5.0, 2.0, 400)
+        ends.append((np.array(bootstrap(values)) - values.mean()) / (values.std() / 20.0))
+    np.testing.assert_allclose(np.mean(ends, axis=0), [-1.96, 1.96], rtol=0.04)

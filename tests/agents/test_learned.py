@@ -1,6 +1,8 @@
 """Learned policies: how they act, alone and with a beam, and their checkpoints."""
 
+import errno
 import json
+import os
 import re
 from dataclasses import replace
 
@@ -23,6 +25,7 @@ from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_c
 from mlivr_gym.agents.training import train
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.files import FileError, checksum
 from mlivr_gym.planners import Planner
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -86,6 +89,27 @@ def kept(tmp_path, env, network="pointer", policy=None, **change):
     config = {"network": network, "sizes": sizes} | made_for(env, network) | change
     save_policy(tmp_path / "p", policy or make_actor_critic(env, network, sizes), config)
     return tmp_path / "p"
+
+
+@pytest.mark.parametrize("suffix", [".pt", ".json"])
+def test_a_checkpoint_is_replaced_as_a_pair(tmp_path, env, monkeypatch, suffix):
+    """If one of its files cannot be, the old pair is there, and can be used."""
+    path = kept(tmp_path, env, command="old")
+    replace = os.replace
+
+    def refuse(source, target):
+        if str(target).endswith(suffix):
+            raise OSError(errno.EBUSY, "in use")
+        replace(source, target)
+
+    monkeypatch.setattr("mlivr_gym.files.os.replace", refuse)
+    with pytest.raises(FileError, match="in use"):
+        kept(tmp_path, env, command="new")
+    assert load_policy(path, env).config["command"] == "old"
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["p.json", "p.pt"]
+    monkeypatch.undo()
+    kept(tmp_path, env, command="new")
+    assert load_policy(path, env).config["command"] == "new"
 
 
 @pytest.mark.parametrize("suffix", [".pt", ".json"])
@@ -188,3 +212,30 @@ def test_the_shipped_checkpoint_acts_on_a_map_it_never_saw(env):
     assert policy.config["command"].startswith("mlivr-gym train")
     assert evaluate(env, policy, 10, max_steps=30).success_rate >= 0.9
     assert evaluate(env, beam_policy(policy), 10).success.all()
+
+
+class Malicious:
+    """What runs code when a careless program unpickles it."""
+
+    def __reduce__(self):
+        return os.mkdir, ("harmed",)
+
+
+@pytest.mark.parametrize(
+    "weights",
+    [Malicious(), {"a\x1b]0;title\x07": Malicious()}, {"\x1b[2J": torch.zeros(1)}],
+)
+def test_a_malicious_checkpoint_is_refused_without_bad_advice(tmp_path, env, weights, monkeypatch):
+    """Torch advises to load it all the same; names in it may hold what a terminal obeys."""
+    monkeypatch.chdir(tmp_path)
+    path, config = kept(tmp_path, env), json.loads((tmp_path / "p.json").read_text())
+    torch.save(weights, path.with_suffix(".pt"))
+    del config["checksum"]
+    found = checksum(config, path.with_suffix(".pt").read_bytes())
+    path.with_suffix(".json").write_text(json.dumps(config | {"checksum": found}))
+    with pytest.raises(CheckpointError, match="cannot use checkpoint") as refused:
+        load_policy(path, env)
+    message = str(refused.value)
+    assert message.isprintable()
+    assert not any(word in message for word in ("weights_only", "torch.load", "trust"))
+    assert not (tmp_path / "harmed").exists()

@@ -1,14 +1,17 @@
 """A command that is refused or fails leaves nothing behind, and replaces nothing in silence."""
 
 import argparse
+import errno
 import json
 import os
 
 import pytest
 
-from mlivr_gym.cli.outputs import check_outputs, input_files, make_folder
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files, make_folder
+from mlivr_gym.closed_loop.record import ARRIVED, ClosedLoopRecord
 from mlivr_gym.errors import PlanError, SceneError
-from mlivr_gym.files import FileError
+from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.planners import Planner
 
 
 def files(folder):
@@ -106,7 +109,7 @@ def test_a_scene_that_cannot_be_exported_leaves_no_picture(run, tmp_path, plan_f
     def fail(*_):
         raise SceneError("MuJoCo cannot build it")
 
-    monkeypatch.setattr("mlivr_gym.simulation.scene.compile_spec", fail)
+    monkeypatch.setattr("mlivr_gym.simulation.export.compile_spec", fail)
     out, scene = tmp_path / "x.png", tmp_path / "scene.xml"
     code, _, err = run("render", "--plan", str(plan_file), "--out", str(out), "--mjcf", str(scene))
     assert code == 2
@@ -126,3 +129,104 @@ def test_the_film_and_the_summary_of_an_earlier_walk_are_told(run, tmp_path, pla
     assert f"existing files to be replaced: {walk / 'simulation.json'}" in err
     assert files(walk) == {"simulation.json"}
     assert json.loads((walk / "simulation.json").read_text()) == {"earlier": True}
+
+
+@pytest.mark.parametrize("kind", ["pipe", "link", "dangling link", "link to a pipe"])
+def test_what_is_no_plain_file_may_be_an_output(tmp_path, capsys, kind):
+    """Only what is replaced is told; a folder in which nothing may be made is none of a pipe's."""
+    out, end = tmp_path / "out.json", tmp_path / "end.json"
+    if "pipe" in kind:
+        os.mkfifo(end if "link" in kind else out)
+    elif kind == "link":
+        end.touch()
+    if "link" in kind:
+        out.symlink_to(end)
+    check_outputs(out)
+    told = f"mlivr-gym: existing files to be replaced: {out}\n" if kind == "link" else ""
+    assert capsys.readouterr().err == told
+    if kind == "link":
+        with pytest.raises(FileError, match="two outputs have this name"):
+            check_outputs(out, end)
+        with pytest.raises(FileError, match="it is the file of --map"):
+            check_outputs(out, inputs={end: "--map"})
+    out.unlink()
+    out.symlink_to(tmp_path / "no" / "file")
+    with pytest.raises(FileError, match=r"folder '.*no' does not exist"):
+        check_outputs(out)
+
+
+@pytest.mark.parametrize("made", [True, False])
+def test_the_files_of_a_command_are_there_when_it_says_so(tmp_path, capsys, made):
+    folder, args = tmp_path / "a" / "b", argparse.Namespace(result={})
+    if made:
+        folder.mkdir(parents=True)
+    with pytest.raises(FileError), all_or_none(args, folder):
+        write_and_say(args, folder, "one", "no/two")
+    assert files(tmp_path) == ({"a", "a/b"} if made else set())
+    assert (capsys.readouterr().out, args.result) == ("", {})
+    with all_or_none(args, folder):
+        write_and_say(args, folder, "one", "two")
+        assert capsys.readouterr().out == ""
+    assert files(folder) == {"one", "two"}
+    assert capsys.readouterr().out == "one\ntwo\n"
+    assert args.result == {"files": ["one", "two"], "folder": folder}
+
+
+def write_and_say(args, folder, *names):
+    args.result |= {"files": list(names), "folder": folder}
+    for name in names:
+        write_whole(folder / name, name)
+        print(name)
+
+
+LAST_FILES = {
+    "plan": (
+        "plan.svg",
+        "plan --start D2a:4 D2b:4 --goal 2.8 0 0 --out plan.json --picture plan.png",
+    ),
+    "simulate": (
+        "walk.gif",
+        "simulate --plan PLAN --size 64 32 --speed 100 --station-mass 42e4 --out .",
+    ),
+    "render": ("scene.xml", "render --plan PLAN --size 64 32 --out scene.png --mjcf scene.xml"),
+    "walk": ("walk.svg", "walk --start D2a:4 D2b:4 --goal 2.8 0 0 --out w.json --picture walk.png"),
+}
+"""The last file of a command that writes several, and the command."""
+
+
+@pytest.mark.parametrize("case", LAST_FILES)
+def test_a_command_leaves_all_of_its_files_or_none(
+    run, tmp_path, walk, checked_graph, monkeypatch, case
+):
+    """The last one cannot get its name; those that were there before are there again."""
+    last, line = LAST_FILES[case]
+    record = ClosedLoopRecord(ARRIVED, "the base is at the goal", plans=[(walk, len(walk.steps))])
+    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", lambda *_, **__: record)
+    out, plan = tmp_path / "out", tmp_path / "plan.json"
+    out.mkdir()
+    one_step = walk.stances[0], walk.motion.base_positions[1], "steps"
+    Planner(checked_graph).plan(*one_step).unwrap().save(plan)
+    monkeypatch.chdir(out)
+    words = line.replace("PLAN", str(plan)).split()
+    code, _, err = run(*words)
+    assert (code, err) == (0, "")
+    names, replace, told = files(out), os.replace, "that file is in use"
+    assert last in names
+    assert len(names) > 1
+
+    def refuse(source, target):
+        if os.path.basename(target) == last:
+            raise OSError(errno.EBUSY, told)
+        replace(source, target)
+
+    monkeypatch.setattr("mlivr_gym.files.os.replace", refuse)
+    for old in ({name: f"old {name}" for name in names}, {}):
+        for path in out.iterdir():
+            path.unlink()
+        for name, text in old.items():
+            (out / name).write_text(text)
+        code, printed, err = run(*words, "--json")
+        assert code == 2
+        assert err.splitlines()[-1].endswith(f"{last}': {told}")
+        assert "files" not in json.loads(printed)
+        assert {path.name: path.read_text() for path in out.iterdir()} == old

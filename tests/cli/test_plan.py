@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import math
 
 import numpy as np
 import pytest
@@ -112,8 +113,11 @@ def test_a_map_in_millimetres_is_said_to_be_one(run, tmp_path, suffix, ladder):
     ("arguments", "words"),
     [
         (["--start", "D1a:4", "D2b:4"], "below the threshold"),
-        (["--goal", "9.5", "0", "0"], "no stance that can be reached"),
-        (["--goal", "9.5", "0", "0", "--limit", str(10**30)], "no stance that can be reached"),
+        (
+            ["--goal", "9.5", "0", "0"],
+            "no stance has its base within 0.2 m of goal [9.5, 0.0, 0.0]",
+        ),
+        (["--goal", "9.5", "0", "0", "--limit", str(10**30)], "the nearest is "),
         (["--limit", "1"], "limit reached"),
         (["--start", "D2a:4", "D2b:4", "--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
     ],
@@ -140,6 +144,38 @@ def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run
     code, _, err = run(f"plan --map {ladder_file} --start R0:0 R9:1")
     assert code == 2
     assert "'R9:1'" in err
+
+
+POINTS = "\n".join(
+    [
+        "id,x,y,z,nx,ny,nz,rx,ry,rz",
+        *(f"P{k},{0.9 * (k // 4)},{0.2 * (k % 4) - 0.3},0,0,0,1,0,1,0" for k in range(16)),
+    ]
+)
+"""The table of points of the page on modules of one's own, with a row more."""
+
+
+def test_a_drawn_goal_is_far_from_the_drawn_start(run, tmp_path):
+    """The map is 2.7 m long: a robot that spans 2.4 m has to walk."""
+    (tmp_path / "points.csv").write_text(POINTS)
+    code, out, _ = run(
+        f"plan --map {tmp_path / 'points.csv'} --out {tmp_path / 'plan.json'} --json"
+    )
+    assert code == 0
+    plan = Plan.load(tmp_path / "plan.json", GraspMap.load(tmp_path / "points.csv"))
+    assert len(json.loads(out)["steps"]) > 1
+    assert math.dist(plan.motion.base_positions[0], plan.query.goal) > 1.5
+
+
+def test_a_map_of_points_alone_has_nothing_to_collide_with(run, tmp_path, ladder_file):
+    path, told = tmp_path / "points.csv", "map 'points' has no boxes: nothing is known to collide"
+    path.write_text(POINTS)
+    task = f"--map {path} --start P1 P5 --goal 1.3 0 0.65"
+    for line in (f"plan {task}", f"info --map {path}", f"reach --map {path} --start P1 P5"):
+        assert told in run(line)[1]
+    box = "--box 9 9 9 10 10 10"
+    for line in (f"plan {task} --no-collisions", f"plan {task} {box}", f"info --map {ladder_file}"):
+        assert "no boxes" not in run(line)[1]
 
 
 def test_boxes_and_occupied_points_change_the_plan_and_stay_in_its_file(run, tmp_path, jem):

@@ -62,6 +62,21 @@ def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
     stream = standard_error(monkeypatch, True)
     monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
     with Progress("compiling"):
-        time.sleep(0.8)
+        while not stream.getvalue():
+            time.sleep(0.01)
     assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
     assert stream.getvalue().endswith(CLEAR)
+
+
+def test_a_line_says_while_something_is_compiled(clock, monkeypatch):
+    """In place of the work for which it is compiled alone, which seems to hang."""
+    stream = standard_error(monkeypatch, True)
+    monkeypatch.setattr(progress, "compilation", SimpleNamespace(text="compiling check_all"))
+    shown = Progress("building the stance graph")
+    clock[0] += 197.0
+    shown.show(0)
+    assert stream.getvalue() == f"{CLEAR}building the stance graph, 197 s; compiling check_all"
+    assert progress.displays == []
+    with shown:
+        assert progress.displays == [shown]
+    assert progress.displays == []

@@ -15,7 +15,7 @@ plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 
 info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
 plan --map nowhere.json                       : nowhere.json
 plan --map uslab --unit mm                    : --unit mm needs the file of a map, given with --map
-plan --map my.csv --unit cm                   : --unit is 'cm'; valid choices are 'm', 'mm'
+plan --map my.csv --unit km                   : --unit is 'km'; valid choices are 'm', 'mm'
 plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist
 reach --start D2a:4 D2b:4 --most-steps -3       : --most-steps is -3

@@ -6,6 +6,7 @@ from copy import copy
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import (
@@ -70,18 +71,23 @@ def meets_the_robot(simulation, origin, ray):
     return model.geom_bodyid[geom[0]] in robot_body_ids(model)
 
 
-def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
-    camera, robot = DepthCamera(pixels=6, noise=0.0), checked_graph.robot
+@pytest.mark.parametrize("max_range", [0.6, 1.2, 3.0])
+def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph, max_range):
+    """As far as the range goes, and no farther, although there are surfaces just beyond."""
+    camera, robot = DepthCamera(pixels=6, noise=0.0, max_range=max_range), checked_graph.robot
     look = camera.measure(simulation.model, simulation.data, robot, np.random.default_rng(0))
     points, origins = look
     boxes, expected, lenses, hidden = [*checked_graph.grasp_map.boxes, WALL], [], [], 0
+    beyond = 0
     for origin, turn, axis in lenses_of(simulation, robot):
         lenses.append(origin)
         for ray in camera.rays(axis[None])[0] @ turn.T:
             distance = first_hit(origin, ray, boxes)
-            if distance <= camera.max_range:
+            if distance <= max_range:
                 expected.append(origin + distance * ray)
                 hidden += meets_the_robot(simulation, origin, ray)
+            elif distance <= 1.05 * max_range:
+                beyond += not meets_the_robot(simulation, origin, ray)
     lenses = np.array(lenses)
     assert np.linalg.norm(origins[:, None] - lenses, axis=2).min(axis=1).max() < 1e-9
     expected = np.array(expected)
@@ -89,6 +95,32 @@ def test_points_lie_where_rays_first_meet_a_box(simulation, checked_graph):
     assert away.min(axis=1).max() < 1e-9  # each point is a first hit
     assert len(points) == len(expected) - hidden
     assert hidden
+    assert beyond or max_range == 3.0
+
+
+@pytest.mark.parametrize(("share", "is_seen"), [(0.98, True), (1.02, False)])
+def test_a_small_thing_is_seen_up_to_the_range(simulation, checked_graph, share, is_seen):
+    """A cube of 1 cm in the middle of a ray that meets nothing else that near."""
+    robot, reach = checked_graph.robot, 0.5
+    camera = DepthCamera(pixels=6, noise=0.0, max_range=reach)
+    boxes = [*checked_graph.grasp_map.boxes, WALL]
+    origin, ray = next(
+        (origin, ray)
+        for origin, turn, axis in lenses_of(simulation, robot)
+        for ray in camera.rays(axis[None])[0] @ turn.T
+        if first_hit(origin, ray, boxes) > 2.0 * reach
+        and not meets_the_robot(simulation, origin, ray)
+    )
+    place = origin + (share * reach + 0.005) * ray
+    turn = Rotation.align_vectors([ray], [[1.0, 0.0, 0.0]])[0].as_matrix()
+    cube = Box("cube", "obstacle", tuple(place), (0.005,) * 3, tuple(map(tuple, turn)))
+    other = Setup().simulation(checked_graph.grasp_map, robot, [cube])
+    other.data.qpos[:] = simulation.data.qpos
+    mujoco.mj_forward(other.model, other.data)
+    hits = camera.measure(other.model, other.data, robot, np.random.default_rng(0)).hits
+    nearest = np.linalg.norm(hits - (origin + share * reach * ray), axis=1).min()
+    assert (nearest < 1e-9) == is_seen
+    assert is_seen or nearest > 0.01
 
 
 @contextmanager
@@ -155,9 +187,12 @@ def test_noise_is_along_the_rays_and_as_large_as_stated(simulation, checked_grap
     noisy, origins = DepthCamera(noise=0.01).measure(
         simulation.model, simulation.data, robot, np.random.default_rng(0)
     )
-    error = np.linalg.norm(noisy - exact, axis=1)
+    rays = (exact - origins) / np.linalg.norm(exact - origins, axis=1, keepdims=True)
+    error = np.einsum("ij,ij->i", noisy - exact, rays)
     assert np.linalg.norm(np.cross(exact - origins, noisy - origins), axis=1).max() < 1e-9
-    assert np.sqrt((error**2).mean()) == pytest.approx(0.01, rel=0.05)
+    assert len(error) > 40_000
+    assert error.std() == pytest.approx(0.01, rel=0.01)
+    assert error.mean() == pytest.approx(0.0, abs=2e-4)
 
 
 def test_the_images_cover_all_directions():
@@ -173,6 +208,16 @@ def test_the_images_cover_all_directions():
     narrow = DepthCamera(pixels=40, field_of_view=1.2).rays().reshape(-1, 3)
     missed = np.arccos(np.clip(drawn @ narrow.T, -1.0, 1.0)).min(axis=1)
     assert missed.max() > 3.0 * nearest.max()
+
+
+@pytest.mark.parametrize("field_of_view", [0.5, 1.2, 2.4])
+def test_the_outermost_pixels_lie_half_a_pixel_within_the_field_of_view(field_of_view):
+    """Of a pinhole camera, whose pixels are alike on the plane of the image."""
+    (rays,) = DepthCamera(pixels=20, field_of_view=field_of_view).rays([[2.0, 0.0, 0.0]])
+    side, up = rays[:, 1] / rays[:, 0], rays[:, 2] / rays[:, 0]
+    centres = np.tan(0.5 * field_of_view) * (np.arange(20) - 9.5) / 10.0
+    for places in (side, up):
+        np.testing.assert_allclose(np.sort(places), np.repeat(centres, 20), atol=1e-12)
 
 
 def test_axes_along_z_give_no_image():

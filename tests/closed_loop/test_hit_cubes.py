@@ -127,3 +127,34 @@ def test_a_grille_is_believed_though_rays_pass_between_its_rods():
     freed = sum(look(cubes, rods, places(rng, 3), rng) for _ in range(60))
     assert freed <= 0.01 * cubes.is_solid.sum()
     assert covered(cubes, points) >= before - 0.002
+
+
+@pytest.mark.parametrize("caution", CAUTIONS)
+def test_a_box_extends_by_its_margin_beyond_the_hits(caution):
+    """Less what noise adds to their extent: the mean of the largest of so many normal numbers."""
+    rng, cubes = np.random.default_rng(2), HitCubes(ORIGIN, SHAPE, NOISE)
+    count = 40
+    hits = np.array([0.3, 0.0, -0.2]) + CUBE * rng.uniform(0.1, 0.9, (count, 3))
+    cells = np.floor((hits - ORIGIN) / CUBE).astype(int)
+    assert (cells == cells[0]).all()
+    cubes.count(hits, cells)
+    cubes.find_solid(caution.hits)
+    (box,) = cubes.boxes_of(cubes.is_solid, cubes.is_solid, caution)
+    beyond = np.concatenate([hits.min(axis=0) - box.bounds[0], box.bounds[1] - hits.max(axis=0)])
+    largest = rng.standard_normal((20_000, count)).max(axis=1).mean()
+    expected = caution.margin - caution.is_denoised * NOISE * largest
+    np.testing.assert_allclose(beyond, expected, atol=1e-9 + 0.02 * NOISE * caution.is_denoised)
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.005, 0.01])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_cube_has_grown_by_more_than_the_margin_or_half_a_centimetre(margin, side):
+    for share in (0.98, 1.02):
+        cubes, middle = HitCubes(ORIGIN, SHAPE, NOISE), np.full(3, 0.5 * CUBE)
+        cell = np.floor((middle[None] - ORIGIN) / CUBE).astype(int)
+        cubes.count(middle[None], cell)
+        cubes.rows["graph_extent"] = cubes.rows["extent"]
+        assert not cubes.has_grown("graph_extent", margin).any()
+        beyond = middle + side * share * max(margin, 0.005) * np.array([0.0, 1.0, 0.0])
+        cubes.count(beyond[None], cell)
+        assert cubes.has_grown("graph_extent", margin).tolist() == [share > 1.0]

@@ -112,3 +112,17 @@ def test_distances_from_the_surface_are_those_of_the_closest_sample_on_it(seed):
     found = surface_distances(box, positions + np.array(box.centre))
     assert (found <= nearest + 1e-12).all()
     assert (nearest - found < 0.03).all()
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.01])
+def test_a_hit_belongs_to_a_box_up_to_five_deviations_from_it(noise):
+    """And a tenth of a millimetre for rounding; its distance from the face is exact."""
+    rng, turn = np.random.default_rng(5), Rotation.random(random_state=5).as_matrix()
+    half, centre = np.array([0.3, 0.2, 0.4]), np.array([0.1, -0.1, 0.2])
+    box = Box("box", "rack", tuple(centre), tuple(half), tuple(map(tuple, turn)))
+    known, most = KnownBoxes([box], noise, GRID), 5.0 * noise + 1e-4
+    axis, sign = rng.integers(3, size=200), rng.choice([-1.0, 1.0], 200)
+    on = rng.uniform(-half, half, (200, 3))
+    for share, count in ((0.99, 0), (1.01, 200)):
+        on[np.arange(200), axis] = sign * (half[axis] + share * most)
+        assert len(known.unexplained(centre + on @ turn.T)[0]) == count

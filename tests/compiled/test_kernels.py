@@ -93,7 +93,7 @@ def test_in_parallel_covers_every_item_once(count, cores, monkeypatch):
 def test_each_thread_has_scratch_of_its_own(monkeypatch):
     """Two threads wait for each other in the middle of each piece of their work."""
     monkeypatch.setattr(kernels, "_cores", lambda: 2)
-    meet, found = threading.Barrier(2, timeout=20.0), []
+    meet, found = threading.Barrier(2), []
 
     def visit(start, stop, scratch):
         if stop > start:

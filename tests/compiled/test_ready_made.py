@@ -13,7 +13,6 @@ from numba import config
 from small_package import package_in, run_with
 
 from mlivr_gym.compiled import cache, ready_made
-from mlivr_gym.stances.build import COMPILED
 
 LEAST = {"NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 """A processor that every one of its kind can stand in for; its name is no machine's."""
@@ -229,7 +228,7 @@ def counts(path, **variables):
 
 @pytest.mark.parametrize("path", ENTRIES)
 def test_default_paths_compile_nothing_on_a_fresh_machine(path, tmp_path):
-    why = ready_made.why_compiled(COMPILED.parent.name)
+    why = ready_made.why_compiled(cache.source_digest(ready_made.FIRST_PLAN))
     if why:
         pytest.skip(f"ready-made machine code cannot be used: {why}; `make kernels`")
     asked, *compiling = counts(path, MLIVR_GYM_CACHE=str(tmp_path))

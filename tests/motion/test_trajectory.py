@@ -11,8 +11,9 @@ from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
 from mlivr_gym.errors import PlanError, SettingError
+from mlivr_gym.motion.path_segments import path_segments
 from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
-from mlivr_gym.motion.time_scaling import Durations, quintic
+from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.planners import Planner
@@ -308,3 +309,15 @@ def test_a_motion_that_turns_back_follows_its_path_to_the_start(
     np.testing.assert_array_equal(whole.grasps[-1], there.grasps[0])
     assert whole.phase[-1] == len(PHASES) - 1
     assert there.turned_back(len(there.times) - 2, 2, duration) is None
+
+
+def test_the_segments_of_a_swing_share_its_time_by_the_roots_of_their_travels(checked_graph, plan):
+    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, plan, 0))
+    segment = path_segments(path)[1]
+    there = np.zeros((4, 2, 6))
+    there[:, 1, 2], there[:, 0, 4] = (0.0, 1.0, -1.0, 0.0), (0.0, 0.5, 1.0, 1.5)
+    back = replace(segment, joints=there)
+    assert back.travel == pytest.approx(4.0)  # to and fro, and more than the other joint
+    double, quick = replace(segment, joints=4.0 * there), replace(segment, joints=0.25 * there)
+    found = Durations(5.0, 35.0, 8.0).time_scalings([segment, back, double, quick, segment])
+    assert [duration_of(one) for one in found] == pytest.approx([5.0, 10.0, 20.0, 5.0, 8.0])

@@ -7,6 +7,7 @@ from matplotlib.colors import to_hex
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.pictures.route import plan_base_path
 
 
 @pytest.fixture
@@ -35,3 +36,21 @@ def test_flat_views_show_the_goal_in_its_size(drawn, plan):
         off = ring.get_xydata() - [plan.query.goal[across], plan.query.goal[up]]
         np.testing.assert_allclose(np.linalg.norm(off, axis=1), plan.query.goal_tolerance)
         assert axes.get_aspect() == 1.0
+
+
+def test_paths_footholds_and_figures_are_those_of_the_plan(drawn, plan, jem):
+    """In the flat views; the numbers of the plan in the line above them."""
+    held = [[stance[limb] for stance in plan.stances] for limb in range(2)]
+    for axes, view in zip(drawn.axes[1:], ([0, 1], [0, 2]), strict=True):
+        (path,) = (line for line in axes.lines if to_hex(line.get_color()) == BASE_COLOUR)
+        np.testing.assert_allclose(path.get_xydata(), plan_base_path(plan)[:, view])
+        dots = {part.get_label(): np.array(part.get_offsets()) for part in axes.collections}
+        for limb, points in enumerate(held):
+            places = jem.positions[[jem.index(point) for point in points]][:, view]
+            np.testing.assert_allclose(dots[f"footholds of limb {limb}"], places)
+    told = " ".join(text.get_text() for text in drawn.texts)
+    assert (
+        f"{len(plan.steps)} steps, base translation {plan.base_translation:.2f} m, "
+        f"minimum $w_m$ {plan.motion.w_m.min():.3f}, minimum $w_b$ {plan.motion.w_b.min():.4f}, "
+        f"{plan.statistics.expanded} states expanded (2334 of 7000 drawn)"
+    ) in told

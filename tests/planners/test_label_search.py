@@ -16,6 +16,7 @@ from mlivr_gym.planners import labels as labels_module
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
 from mlivr_gym.planners.bucket_queue import push
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.clock import Clock
 from mlivr_gym.planners.costs import cost_weights
 from mlivr_gym.planners.label_search import (
     SearchParameters,
@@ -189,7 +190,7 @@ def assert_cheapest(search_graph, goal, pairs, ends):
         found, bound = cheapest(cost_limit=cost_limit)
         assert (found is not None) == (least < cost_limit)
         assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
-    assert cheapest(deadline=time.perf_counter() - 1.0) == (None, 0.0)
+    assert cheapest(clock=Clock(time.perf_counter() - 1.0)) == (None, 0.0)
     if path is not None:
         assert path.cost == pytest.approx(least, abs=1e-9)
         assert goals[path.nodes[-1]]

@@ -7,6 +7,7 @@ import pytest
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from small_tables import COSTS, every_pair, small_table
+from time_limit import AGES
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.compiled import kernels
@@ -124,7 +125,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
         graph.occupy(rng.choice(free, k % 3, replace=False).tolist())
         goal = np.clip(table.base_position[goals[k % 2]], *graph.grasp_map.cabin)
         asked = (start, goal, *cost[:1])
-        more = {"regrasp_price": cost[1], "goal_tolerance": 0.08, "time_limit": 60.0}
+        more = {"regrasp_price": cost[1], "goal_tolerance": 0.08, "time_limit": AGES}
         found, alone = (one.plan(*asked, **more) for one in (planner, Planner(graph)))
         assert found.reason == alone.reason
         if found.plan is not None:

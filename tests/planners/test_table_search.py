@@ -131,7 +131,7 @@ def test_among_obstacles_and_occupied_points_the_last_walk_is_the_cheapest(known
     assert compared
 
 
-def cut_off(first, table, rng, count, near, plain_search=optimum):
+def cut_off(first, table, rng, count, near, plain_search=optimum, **options):
     """Searches that find no path, with a box near the first (0) or last (1) of two nodes.
 
     Those that prove it are compared with the plain search.
@@ -145,7 +145,7 @@ def cut_off(first, table, rng, count, near, plain_search=optimum):
         graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
         with suppress(StanceError):
             state = graph.state(table.points[ends[0]].tolist())
-            search = searching(LowerBounds(graph), goal, state)
+            search = searching(LowerBounds(graph), goal, state, **options)
             if not search.starts_at_goal and not list(search.paths()):
                 assert search.lower_bound < np.inf or plain_search(graph, goal, state) == np.inf
                 yield search
@@ -178,9 +178,9 @@ def test_a_goal_that_obstacles_cut_off_is_found_from_the_goal(known, monkeypatch
 
 
 def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
-    """By a clock that each of them moves on by nine seconds; the test above knows the proofs."""
+    """By a clock that they alone move, by nine seconds each; the test above knows the proofs."""
     first, table = known
-    taken, check, clock = [0.0], LazyNodeTable.check_nodes, time.perf_counter
+    taken, check = [0.0], LazyNodeTable._check_nodes
 
     def slow(lazy_table, rows):
         taken[0] += 9.0 * len(rows)
@@ -191,10 +191,11 @@ def test_a_time_limit_ends_checks_of_nodes(known, monkeypatch):
     monkeypatch.setattr(table_search, "OBSTACLE_STAGES", (probe,) * 2)
     monkeypatch.setattr(table_search, "QUICK_FIRST_PATH_AMONG_OBSTACLES", probe)
     monkeypatch.setattr(table_search, "NODES_CHECKED_AROUND_GOAL", 5)
-    monkeypatch.setattr(LazyNodeTable, "check_nodes", slow)
-    monkeypatch.setattr(time, "perf_counter", lambda: clock() + taken[0])
+    monkeypatch.setattr(LazyNodeTable, "_check_nodes", slow)
+    monkeypatch.setattr(time, "perf_counter", lambda: taken[0])
     late = []
-    for search in cut_off(first, table, np.random.default_rng(4), 20, 1, lambda *_: np.inf):
+    rng = np.random.default_rng(4)
+    for search in cut_off(first, table, rng, 20, 1, lambda *_: np.inf, time_limit=60.0):
         late.append(taken[0] - search.search.time_limit)
         taken[0] = 0.0
     assert sum(seconds > 0.0 for seconds in late) > 1

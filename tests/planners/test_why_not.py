@@ -45,6 +45,42 @@ def sparse_graph(jem):
     return stance_graph(jem.subset(few, "sparse"))
 
 
+def test_nothing_cuts_off_a_goal_that_can_be_reached(checked_graph):
+    """Whatever was left out, a plan would exist: so there has to be one with all rules first."""
+    planner, query = Planner(checked_graph), (("D2a:4", "D2b:4"), (6.0, 0.0, 0.42))
+    plan = planner.plan(*query, "steps").unwrap()
+    cause = planner.why_not(*query)
+    assert cause.message.startswith("nothing cuts the goal off")
+    assert f"there is a plan of {len(plan.steps)} steps" in cause.message
+    assert cause[:1] + cause[2:] == ((), (), None)
+    at_goal = planner.why_not(query[0], plan.motion.base_positions[0])
+    assert "a plan of 0 steps" in at_goal.message
+
+
+@pytest.mark.parametrize("goal", [(8.0, 0.0, 0.0), (0.05, 0.0, 0.0), (6.0, 0.0, 0.9)])
+@pytest.mark.parametrize("face", [None, "overhead"])
+def test_a_goal_far_from_all_stances_is_refused_with_the_nearest_distance(
+    checked_graph, goal, face
+):
+    """In the plan's own message, too, and with the largest distance that is refused."""
+    graph, start = checked_graph, ("D2a:4", "D2b:4")
+    planner = Planner(graph)
+    on_face = np.array([face is None or one == face for one in graph.grasp_map.faces])
+    bases = graph.base_position[on_face[graph.points].all(axis=1)]
+    nearest = min(np.sqrt(((base - goal) ** 2).sum()) for base in bases)
+    for found in (
+        planner.plan(start, goal, goal_face=face),
+        planner.why_not(start, goal, goal_face=face),
+    ):
+        assert f"the nearest is {nearest:.3f} m away" in found.message
+        assert f"of goal {list(goal)}" in found.message
+    below, above = (
+        planner.plan(start, goal, goal_face=face, goal_tolerance=nearest + d) for d in (-1e-4, 1e-3)
+    )
+    assert "the nearest is" in below.message
+    assert "the nearest is" not in above.message
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sparse_graph, seed):
     graph = sparse_graph

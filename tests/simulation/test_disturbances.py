@@ -9,26 +9,35 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
+from mlivr_gym.simulation import monte_carlo
 from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
+from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
+from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
+from mlivr_gym.simulation.recording import Capture, Peaks
 from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import Simulation
 
 
 def test_draws_stay_within_their_sizes_and_fill_them():
-    drawn = [ALL.draw(seed, 17, 2, 50) for seed in range(1, 80)]
+    drawn = [ALL.draw(seed, 17, 2, 50) for seed in range(1, 400)]
     for name, size, least in (
         ("friction", ALL.friction, 0.0), ("damping", ALL.damping, 0.0),
         ("encoder_bias", ALL.encoder_bias, -ALL.encoder_bias), ("payload", ALL.payload, 0.0),
-        ("masses", 1.2, 0.8), ("stiffness", 3.0, 1.0 / 3.0),
+        ("masses", 1.2, 0.8), ("stiffness", np.log(3.0), -np.log(3.0)),
+        ("point_turns", ALL.point_angle, 0.0),
     ):  # fmt: skip
         values = np.concatenate([np.ravel(getattr(one, name)) for one in drawn])
+        if name == "stiffness":
+            values = np.log(values)
+        if name == "point_turns":
+            values = np.linalg.norm(values.reshape(-1, 3), axis=1)
         assert values.min() >= least - 1e-12
         assert values.max() <= size + 1e-12
-        assert values.max() - values.min() > 0.9 * (size - least)
+        assert values.max() - values.min() > 0.97 * (size - least)
+        assert values.mean() == pytest.approx(0.5 * (size + least), abs=0.05 * (size - least))
     gravity = np.linalg.norm([one.gravity for one in drawn], axis=1)
     np.testing.assert_allclose(gravity, 9.80665e-3)
     offsets = np.concatenate([one.point_offsets for one in drawn])
@@ -58,7 +67,10 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
     expected = plain.body_mass[parts] * drawn.masses
     expected[0] += drawn.payload
     np.testing.assert_allclose(model.body_mass[parts], expected)
+    inertias = plain.body_inertia[parts] * drawn.masses[:, None]
+    np.testing.assert_allclose(model.body_inertia[parts], inertias)
     np.testing.assert_allclose(model.opt.gravity, drawn.gravity)
+    np.testing.assert_allclose(model.dof_damping[6:], drawn.damping.ravel())
     np.testing.assert_allclose(model.dof_frictionloss[6:], drawn.friction.ravel())
     for limb in range(2):
         name = f"limb{limb}/grasp/x"
@@ -144,11 +156,45 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     assert [(one.plan, one.seed) for one in alone] == [(0, 9), (0, 10), (1, 11), (1, 12)]
     assert len({one.base_error for one in alone}) == 4
     told = success_rate(alone)
+    assert told["share"] == told["carried_out"] / 4
     assert told["walks"] == 4
     assert told["carried_out"] + sum(told["failures"].values()) == 4
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
         with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
             list(execute_many(checked_graph, [plan], **bad))
+
+
+def test_an_outcome_has_the_largest_figures_of_its_steps(jem, plan, monkeypatch):
+    """Of steps that were never simulated."""
+    rng, steps = np.random.default_rng(0), []
+    for number in range(3):
+        loads = rng.uniform(size=(2, 2))
+        peaks = Peaks(rng.uniform(size=(2, 6)), 1.0, *loads, *rng.uniform(size=3))
+        capture = Capture(1.0, number, 0, "D2a:4", *rng.uniform(size=2), attempts=1 + number % 2)
+        steps.append(SimulatedInterval(None, peaks, capture, None))
+    monkeypatch.setattr(monte_carlo, "execute_timed_plan", lambda *_: steps)
+    timed = TimedPlan(plan, (None,) * 3)
+    first, second = monte_carlo._outcomes(jem, Setup(), (40, 2), (3, timed))
+    assert (first.plan, first.seed, second.seed, first.failure) == (3, 46, 47, None)
+    assert (first.steps, first.done, first.attempts) == (3, 3, 2)
+    assert first.capture_distance == max(step.capture.distance for step in steps)
+    for name in ("grasp_force", "grasp_torque", "joint_torque", "base_error"):
+        assert getattr(first, name) == max(np.max(getattr(one.peaks, name)) for one in steps)
+
+
+@pytest.mark.parametrize(("done", "count"), [(0, 5), (5, 5), (8, 10), (37, 200)])
+def test_the_interval_of_a_share_is_wilsons_at_95_percent(done, count):
+    """By his formula, with the quantile 1.959964 of the normal distribution."""
+    (empty,) = [success_rate([])]
+    assert (empty["share"], empty["interval"]) == (None, [0.0, 1.0])
+    one = RunOutcome(0, 1, None, None, 1, 1, 1, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    told = success_rate([one] * done + [one._replace(failure="saturation")] * (count - done))
+    share, z = done / count, 1.959964
+    middle = (share + z**2 / (2 * count)) / (1.0 + z**2 / count)
+    half = z * np.sqrt(share * (1.0 - share) / count + (z / (2 * count)) ** 2)
+    half /= 1.0 + z**2 / count
+    assert told["share"] == share
+    np.testing.assert_allclose(told["interval"], [middle - half, middle + half], atol=1e-6)
 
 
 @pytest.mark.parametrize(

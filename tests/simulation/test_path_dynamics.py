@@ -90,9 +90,19 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
             np.testing.assert_allclose(rows.loads(faster)[1], 2.0 * speeds, atol=1e-9)
 
 
-def test_the_fastest_squares_are_those_of_brute_force(paths):
+LOOSE = Limits(1.0, 1.0, 1e5, 1e5, 10.0)
+
+
+@pytest.mark.parametrize(
+    "limits",
+    [
+        Limits(), replace(LOOSE, torque=0.02), replace(LOOSE, speed=0.05),
+        replace(LOOSE, grasp_force=0.5), replace(LOOSE, grasp_torque=0.2),
+    ],
+)  # fmt: skip
+def test_the_fastest_squares_are_those_of_brute_force(paths, limits):
     """Dynamic programming over a grid of speeds finds no shorter time, and hardly a longer one."""
-    rows = rows_of(paths[2], Limits())[1]
+    rows = rows_of(paths[2], limits)[1]
     nodes = np.arange(0, len(rows.sigmas), 4)
     coarse = replace_rows(rows, nodes)
     squares = time_optimal_squared_rates(coarse)

@@ -1,7 +1,10 @@
 """What a station feels of a walk agrees with the momentum of the robot and with known signals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from recordings import resting
 from scipy.integrate import cumulative_trapezoid
 
 from mlivr_gym.errors import MlivrError
@@ -58,6 +61,35 @@ def test_the_station_gains_the_angular_momentum_that_the_robot_loses(walked, sim
     load = station_load(recording)
     assert load.angular_impulses[0] == pytest.approx(np.linalg.norm(lost, axis=1).max(), rel=0.03)
     assert load.peak_torques[0] == pytest.approx(np.linalg.norm(load.torques, axis=1).max())
+
+
+def test_a_known_force_has_its_peaks_impulses_and_accelerations():
+    """Two steps of 60 s: a constant load, then a sine of 0.5 Hz, whose impulse is 2 F / omega."""
+    times, omega = 0.02 * np.arange(6001), np.pi
+    late = times >= 60.0
+    force = np.where(late, 8.0 * np.sin(omega * (times - 60.0)), 0.5)
+    turns = np.outer(np.where(late, 0.25, 3.0), (2.0, 1.0, 2.0)) / 3.0
+    recording = replace(
+        resting(len(times)), times=times, step=late.astype(int),
+        module_forces=np.outer(force, (0.6, 0.0, 0.8)), module_torques=turns,
+    )  # fmt: skip
+    load = station_load(recording, 1e5)
+    np.testing.assert_allclose(load.peak_forces, [0.5, 8.0], rtol=2e-3)
+    np.testing.assert_allclose(load.peak_torques, [3.0, 0.25])
+    np.testing.assert_allclose(load.impulses, [0.5 * 59.98, 2.0 * 8.0 / omega], rtol=1e-3)
+    np.testing.assert_allclose(load.angular_impulses, [3.0 * 59.98, 0.25 * 60.0], rtol=1e-6)
+    # The window of 100 s with all of the sine has it for 60 s; its ends spread over some bands.
+    near = load.accelerations[np.abs(np.log10(load.frequencies / 0.5)) < 0.35]
+    expected = 8.0 / np.sqrt(2.0) * np.sqrt(0.6) / (1e5 * 9.80665)
+    assert np.sqrt((near**2).sum()) == pytest.approx(expected, rel=5e-3)
+
+
+def test_a_burst_is_in_one_window_wherever_it_is():
+    """Windows overlap by half, so that one of them has all of a burst of half its length."""
+    times = np.arange(0.0, 200.0, 0.02)
+    burst = np.sin(2.0 * np.pi * 2.0 * times) * (np.abs(times - 100.0) < 25.0)
+    _, squares = third_octaves(np.outer(burst, (1.0, 0.0, 0.0)), 0.02)
+    assert np.sqrt((squares**2).sum()) == pytest.approx(0.5, rel=0.01)
 
 
 @pytest.mark.parametrize("duration", [100.0, 250.0])

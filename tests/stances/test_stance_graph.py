@@ -99,7 +99,13 @@ def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
         "rail": [1, 0, 0],
     }
     other = [] if apart is None else [point | {"id": "Q", "position": [0, apart, 0]}]
-    with pytest.raises(RobotError, match=r"no two of its points are between 0.1 m and 2.4 m apart"):
+    words = r"no two of its points are between 0.1 m and 2.4 m apart"
+    words += {
+        None: "$",
+        0.05: ": the nearest two are 0.05 m apart$",
+        2.5: ": the nearest two are 2.5 m apart; if the map is not in metres, give its unit$",
+    }[apart]
+    with pytest.raises(RobotError, match=words):
         stance_graph(GraspMap.from_dict({"points": [point, *other]}), robot)
 
 

@@ -3,12 +3,17 @@
 import json
 import os
 import signal
+import subprocess
+import sys
+import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
+from mlivr_gym.cli.study import combination_means, summary_table
+from mlivr_gym.engines import executor_of
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.files import FileError
 from mlivr_gym.planners import Planner
@@ -200,6 +205,26 @@ def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):
     assert main(["study", str(path), "--scheduler", "tcp://x:1"]) == 2
 
 
+def test_counts_means_and_medians_are_those_of_each_combination():
+    """Of two levels with three rows each, of which one run found nothing and one was refused."""
+    design = StudyDesign.from_data(
+        {"kind": "plan", "tasks": 3, "factors": {"cost": ["steps", "base"]}}
+    )
+    plain = {"error": "", "reason": "", "seconds": 1.0, "steps": 4}
+    changes = [{}, {"steps": 9, "seconds": 2.0}, {"steps": 2, "seconds": 9.0}]
+    changes += [{"steps": None, "reason": "no plan"}, {"steps": 6, "seconds": 3.0}]
+    refused = dict.fromkeys(["reason", "steps", "seconds"])
+    changes += [refused | {"error": "no such point"}]
+    first, second = combination_means(design, [plain | change for change in changes])
+    assert (first["runs"], first["successes"], first["errors"]) == (3, 3, 0)
+    assert (first["mean_steps"], first["median_seconds"]) == (5.0, 2.0)
+    assert (second["runs"], second["successes"], second["errors"]) == (3, 1, 1)
+    assert (second["mean_steps"], second["median_seconds"]) == (6.0, 2.0)
+    assert second["error"] == "no such point"
+    rows = summary_table(design, [first, second]).splitlines()
+    assert rows[2:] == ["| steps | 3 | 3 | 5.00 | 2 | 0 |", "| base | 3 | 1 | 6.00 | 2 | 1 |"]
+
+
 @pytest.mark.parametrize("name", ["study.parquet", "blocks/000000.parquet"])
 def test_a_damaged_file_is_one_error(tmp_path, name):
     kind, factors = f"{__name__}:squares", {"scale": [1]}
@@ -213,3 +238,46 @@ def test_a_damaged_file_is_one_error(tmp_path, name):
     damaged.write_bytes(b"PAR1 and no more")
     with pytest.raises(FileError, match=f"{damaged.name}' is damaged"):
         read_study(run_study(design, tmp_path, executor).parent)
+
+
+def test_dask_opens_no_door_to_other_machines():
+    """Neither the scheduler, its dashboard nor a worker listens elsewhere than on this machine."""
+    pytest.importorskip("distributed")
+    psutil, told = pytest.importorskip("psutil"), []
+    me = psutil.Process()
+
+    def listening():
+        found = [one.net_connections("inet") for one in [me, *me.children(recursive=True)]]
+        return {each.laddr for one in found for each in one if each.status == psutil.CONN_LISTEN}
+
+    before = listening()
+    with executor_of("dask", 1, notify=told.append) as executor:
+        assert executor.submit(abs, -1).result() == 1
+        opened = listening() - before
+    assert len(opened) >= 3
+    assert {address.ip for address in opened} == {"127.0.0.1"}
+    assert told[0].startswith("http://127.0.0.1:")
+
+
+@pytest.mark.parametrize("kind", ["plan", "own_runs:run"])
+def test_files_beside_a_study_hide_no_installed_module(tmp_path, kind):
+    """A study that was downloaded may lie beside files that are called like modules."""
+    for name in ("pyarrow", "typing", "numpy", "mlivr_gym", "not_there"):
+        (tmp_path / f"{name}.py").write_text("open('ran', 'w')\nraise SystemExit(9)\n")
+    (tmp_path / "own_runs.py").write_text("def run(task):\n    return {'path': __file__}\n")
+    (tmp_path / "study.toml").write_text(f"kind = '{kind}'\ntasks = 1\n")
+    probe = (
+        "import importlib.util, sys\n"
+        "from mlivr_gym.cli.main import main\n"
+        "code = main(['study', 'study.toml', '--workers', '1', '--quiet'])\n"
+        "print(code, importlib.util.find_spec('not_there') is not None)\n"
+    )
+    code = "import sys; sys.path[:] = [p for p in sys.path if p]\n" + probe
+    script = tmp_path / "elsewhere" / "probe.py"
+    script.parent.mkdir()
+    script.write_text(f"if __name__ == '__main__':\n{textwrap.indent(code, '    ')}")
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == ["0", str(kind != "plan")], done.stderr
+    assert not list(tmp_path.rglob("ran"))

@@ -9,9 +9,6 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent.parent
 
-LONGEST = 400.0
-"""How long a block may take [s]."""
-
 OTHERS = {"bibtex", "text", ""}
 """Languages of blocks that are not run; `""` ends with a directive of the site, as `{toctree}`."""
 
@@ -91,7 +88,6 @@ def run_command(command, folder):
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        timeout=LONGEST,
         check=False,
     )
     return f"exit code {done.returncode}\n{done.stdout}" if done.returncode else ""

@@ -8,6 +8,9 @@ from contextlib import contextmanager
 MOST = float(os.environ.get("TEST_TIME_LIMIT", "240"))
 """Seconds that a test and what it sets up may take; the first of a run compiles machine code."""
 
+AGES = 1e6
+"""Seconds of a limit that is given in a test, and that no machine reaches, however busy it is."""
+
 
 class TestTooLongError(AssertionError):
     """A test has taken longer than it may."""

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from fuzz import loaded
 from plans import first_steps
 
 from mlivr_gym.errors import PlanError
@@ -72,3 +73,53 @@ def test_measurements_of_something_else_are_refused(execution, walk, tmp_path):
         load_recording(tmp_path / "simulation.npz", other)
     with pytest.raises(PlanError, match="which has 0 steps"):
         load_recording(tmp_path / "simulation.npz", first_steps(walk, 0))
+
+
+def alter(arrays, rng):
+    """Change one measurement of a recording: its type, its shape, or a value, or leave it out."""
+    name = rng.choice(sorted(arrays))
+    array = arrays[name]
+    ways = (
+        lambda: array.astype(rng.choice(["f4", "i8", "u1", "U3", "?", "c16", "M8[s]"])),
+        lambda: array[: rng.integers(3)],
+        lambda: array[..., None],
+        lambda: np.array(array.flat[0]),
+        lambda: np.where(np.arange(array.size).reshape(array.shape) == 5, wrong, array),
+        lambda: array[::-1],
+        lambda: np.frombuffer(changed_word(array.tobytes(), rng), array.dtype),
+        lambda: np.frombuffer(changed_word(array.tobytes(), rng), array.dtype).reshape(array.shape),
+        lambda: None,
+    )
+    wrong = rng.choice([np.nan, np.inf, -1, 3, 1e300, -(2**40)])
+    with np.errstate(all="ignore"):
+        return {**arrays, name: ways[rng.integers(len(ways))]()}
+
+
+def changed_word(content, rng):
+    """Bytes of which eight in a row are others."""
+    at = int(rng.integers(len(content) // 8)) * 8
+    return content[:at] + rng.bytes(8) + content[at + 8 :]
+
+
+@pytest.mark.filterwarnings("ignore:.*discards the imaginary part")
+def test_an_altered_recording_is_played_or_refused_in_one_line(execution, tmp_path):
+    execution.save(tmp_path / "simulation.npz")
+    whole, rng = (tmp_path / "simulation.npz").read_bytes(), np.random.default_rng(0)
+    with np.load(tmp_path / "simulation.npz") as data:
+        arrays = dict(data)
+    path, refused = tmp_path / "altered.npz", 0
+    for k in range(300):
+        if k % 3:
+            kept = {name: one for name, one in alter(arrays, rng).items() if one is not None}
+            np.savez(path, **kept)
+        else:
+            path.write_bytes(changed_word(whole, rng))
+
+        def play(path):
+            frames = recording_frames(load_recording(path, execution.plan))
+            assert frames.duration >= 0.0
+            assert all(np.isfinite(each).all() for each in frames.arrays().values())
+            return [frames.describe(k, execution.plan) for k in range(len(frames))]
+
+        refused += loaded(play, path, path.read_bytes()) is None
+    assert refused > 150

@@ -1,5 +1,7 @@
 """The page, without a browser."""
 
+from http.client import HTTPConnection
+
 import pytest
 
 from mlivr_gym.errors import SettingError
@@ -40,3 +42,38 @@ def test_what_is_removed_takes_along_what_is_below(page):
     page.remove("handles")
     assert "handles/a" not in page
     assert handle._impl.removed  # from the scene, too
+
+
+def answer(page, path="/", **headers):
+    """The status with which the server of a page answers a request."""
+    host, port = page.address.removeprefix("http://").split(":")
+    given = {"Host": f"{host}:{port}"} | {name.replace("_", "-"): v for name, v in headers.items()}
+    connection = HTTPConnection(host, int(port), timeout=30.0)
+    connection.request("GET", path, headers=given)
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+def test_pages_of_other_sites_in_the_same_browser_are_refused(page):
+    """They could change the query, or have the library publish the page."""
+    port, key = page.address.rsplit(":", 1)[1], "dGhlIHNhbXBsZSBub25jZQ=="
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec_WebSocket_Key": key}
+    upgrade |= {"Sec_WebSocket_Version": "13"}
+    for more, whole in (({}, 200), (upgrade, 101)):
+        assert answer(page, **more) == whole  # a program that is no browser names no origin
+        assert answer(page, **more, Origin=page.address) == whole
+        local = f"localhost:{port}"
+        assert answer(page, **more, Host=local, Origin=f"http://{local}") == whole
+        for origin in ("http://evil.example", "null", "http://127.0.0.1:1", f"http://{local}"):
+            assert answer(page, **more, Origin=origin) == 403
+        # A name of the other site that is made to lead here (DNS rebinding).
+        evil = f"evil.example:{port}"
+        assert answer(page, **more, Host=evil, Origin=f"http://{evil}") == 403
+        assert answer(page, **more, Host=evil) == 403
+
+
+def test_a_name_that_is_given_as_host_is_answered(scenes_made_once):
+    name = Page("localhost", 0, "named")
+    assert answer(name, Origin=name.address) == 200
+    name.close()

@@ -33,6 +33,15 @@ def test_a_table_makes_the_map_that_json_makes(tmp_path):
         GraspMap.from_csv(path, points=[])
 
 
+def test_comments_are_no_points(tmp_path):
+    """Before the header, between rows and at the end; a quote in one opens nothing."""
+    comments = ['# measured, in "metres"', "#P1,0,2,0,0,0,1,1,0,0,floor", '  # ,"not closed', "#"]
+    rows = [line for row in (HEADER, *ROWS) for line in (*comments, row)]
+    found = GraspMap.load(written(tmp_path, *rows, *comments))
+    assert found == GraspMap.load(written(tmp_path, HEADER, *ROWS))
+    assert found.ids == ("A", "B", "C")
+
+
 def test_what_lays_points_out_along_rails_is_refused_where_there_are_none(tmp_path):
     """Points of a table, and of a map that was saved, stay where they are."""
     table = written(tmp_path, HEADER, *ROWS)
@@ -81,7 +90,11 @@ def test_columns_come_in_any_order_and_the_face_is_that_of_the_file(tmp_path):
         ((HEADER, ",0,0,0,0,0,1,1,0,0,f"), ("line 2: id is ''", "1 to 200 printable")),
         ((HEADER, *ROWS, ROWS[1]), ("line 5: id is 'B', which line 3 has already",)),
         ((HEADER,), ("no point", "each line below the header")),
-        ((HEADER, "A,0,876,0,0,0,1,1,0,0,f", "B,0,900,0,0,0,1,1,0,0,f"), ("looks like millim",)),
+        ((HEADER, "A,0,876,0,0,0,1,1,0,0,f", "B,0,900,0,0,0,1,1,0,0,f"), ("give the unit",)),
+        (("# a table", "", HEADER, "#", "# A,0", "B,1,2"), ("line 6 has 3 values", "11")),
+        (("# a table", "id,x,y,z", "A,0,0,0"), ("line 2", "lacks the column 'nx'")),
+        (("# nothing else", "  #"), ("line 2 is empty", "the columns are id, x, y, z, nx")),
+        ((HEADER, "# " + ROWS[0]), ("no point", "each line below the header")),
     ],
 )
 def test_a_fault_names_its_line_and_what_would_be_valid(tmp_path, lines, parts):

@@ -1,4 +1,4 @@
-"""Maps in millimetres: read as such where they say so, and told apart where they do not."""
+"""Maps in other units: read as such where they say so, and told apart where they do not."""
 
 import json
 from copy import deepcopy
@@ -19,14 +19,19 @@ LENGTHS = {
 """Fields that are lengths; others are names, directions, rotations and remarks."""
 
 
-def in_millimetres(data, name="map"):
-    """A map with all lengths times a thousand; those of its parts say their own unit."""
+PER_METRE = {"mm": 1000, "cm": 100, "in": 1 / 0.0254, "ft": 1 / 0.3048}
+"""Units in a metre: an inch is 25.4 mm by definition, and a foot is twelve of them."""
+
+
+def in_unit(data, unit, name="map"):
+    """A map with all lengths in another unit; those of its parts say their own."""
     if isinstance(data, dict):
-        scaled = {key: in_millimetres(inner, key) for key, inner in data.items()}
-        return scaled | {"unit": "mm"} if name == "map" else scaled
+        scaled = {key: in_unit(inner, unit, key) for key, inner in data.items()}
+        return scaled | {"unit": unit} if name == "map" else scaled
     if isinstance(data, list):
-        return [in_millimetres(inner, name) for inner in data]
-    return 1000 * data if name in LENGTHS and isinstance(data, int | float) else deepcopy(data)
+        return [in_unit(inner, unit, name) for inner in data]
+    is_length = name in LENGTHS and isinstance(data, int | float)
+    return PER_METRE[unit] * data if is_length else deepcopy(data)
 
 
 TURNED = {"id": "T", "centre": [5, 0, 0], "half": [1, 1, 2]}
@@ -37,10 +42,11 @@ WHOLE = {
 }  # fmt: skip
 
 
+@pytest.mark.parametrize("unit", PER_METRE)
 @pytest.mark.parametrize("data", [JEM, LADDER, WHOLE], ids=["jem", "ladder", "whole"])
-def test_a_map_in_millimetres_is_that_in_metres(data):
+def test_a_map_in_another_unit_is_that_in_metres(data, unit):
     expected = GraspMap.from_dict(data).to_dict()
-    found = GraspMap.from_dict(in_millimetres(data)).to_dict()
+    found = GraspMap.from_dict(in_unit(data, unit)).to_dict()
     for name in ("positions", "rotations", "cabin"):
         np.testing.assert_allclose(found.pop(name), expected.pop(name), atol=1e-12)
     for name in ("boxes", "segments", "handrails"):
@@ -76,8 +82,9 @@ RAILS = [
     ],
     ids=["rails", "rails with a spacing", "points", "one point"],
 )
-def test_what_looks_like_millimetres_is_refused_until_it_says_its_unit(data):
-    with pytest.raises(MapError, match=r"looks like millimetres: give unit 'mm', or 'm' if"):
+def test_what_looks_like_another_unit_is_refused_until_it_says_its_own(data):
+    words = r"looks like another unit: give the unit, one of 'mm', 'cm', 'in', 'ft', or 'm' for m"
+    with pytest.raises(MapError, match=words):
         GraspMap.from_dict(data)
     metres = GraspMap.from_dict(data | {"unit": "m"})
     assert GraspMap.from_dict(metres.to_dict()) == metres  # a saved map is in metres
@@ -95,8 +102,28 @@ def test_what_looks_like_millimetres_is_refused_until_it_says_its_unit(data):
     ],
     ids=["far away", "grapple fixtures", "a rail along the truss", "a part"],
 )
-def test_what_is_in_metres_is_not_taken_for_millimetres(data):
+def test_what_is_in_metres_is_not_taken_for_another_unit(data):
     assert len(GraspMap.from_dict(data))
+
+
+@pytest.mark.parametrize(
+    ("data", "length"),
+    [
+        (wall([0, 0, 0], [0, 51, 0], [0, 50, 0], name="yard"), 51),
+        (wall([-30, 0, 0], [25, 0, 0], name="yard"), 55),
+        ({"segments": [SEGMENT | {"start": [0, 0, 0], "end": [0, 0, 60.5]}], "name": "yard"}, 60.4),
+        (wall([0, 0, 0], [0, 49, 0], name="yard"), None),
+        (wall([80, 0, 0], [80.5, 0, 0], name="yard"), None),
+        (wall([0, 0, 0], [0, 51, 0], name="yard", unit="m"), None),
+        (wall([0, 0, 0], [0, 51, 0], name="yard", unit="ft"), None),
+    ],
+)
+def test_a_large_map_that_names_no_unit_is_used_with_a_warning(caplog, data, length):
+    GraspMap.from_dict(data)
+    told = f"map 'yard' is {length} m long; if its lengths are not in metres, give its unit"
+    assert [one.getMessage().split(", one of")[0] for one in caplog.records] == (
+        [] if length is None else [told]
+    )
 
 
 def test_a_table_may_be_in_millimetres(tmp_path):
@@ -110,15 +137,15 @@ def test_a_table_may_be_in_millimetres(tmp_path):
 
 
 def test_who_loads_a_map_may_say_its_unit_but_not_another_than_the_map(tmp_path):
-    path, data = tmp_path / "map.json", in_millimetres(LADDER)
+    path, data = tmp_path / "map.json", in_unit(LADDER, "mm")
     for given in (data, {name: value for name, value in data.items() if name != "unit"}):
         path.write_text(json.dumps(given))
         assert GraspMap.load(path, unit="mm") == GraspMap.from_dict(LADDER)
     path.write_text(json.dumps(LADDER | {"unit": "m"}))
     with pytest.raises(MapError, match="unit is 'm' in the file, but 'mm' is given"):
         GraspMap.load(path, unit="mm")
-    with pytest.raises(SettingError, match="unit is 'cm'; valid choices are 'm', 'mm'"):
-        GraspMap.load(path, unit="cm")
+    with pytest.raises(SettingError, match="unit is 'km'; valid choices are 'm', 'mm', 'cm', 'in'"):
+        GraspMap.load(path, unit="km")
 
 
 def test_lengths_in_messages_are_said_to_be_in_metres(tmp_path):
@@ -132,7 +159,7 @@ def test_lengths_in_messages_are_said_to_be_in_metres(tmp_path):
         GraspMap.load(tmp_path / "rack.csv", unit="mm")
 
 
-@pytest.mark.parametrize("unit", ["cm", None, ["mm"], 0.001])
+@pytest.mark.parametrize("unit", ["inch", None, ["mm"], 0.001])
 def test_another_unit_is_refused(unit, tmp_path):
     path = tmp_path / "rack.csv"
     path.write_text("id,x,y,z,nx,ny,nz,rx,ry,rz\nA,0,1,0,0,0,1,1,0,0\n")

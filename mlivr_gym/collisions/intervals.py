@@ -1,0 +1,376 @@
+"""The check whether the robot keeps the clearance on a line in joint space (compiled).
+
+An interval of the line is checked in its middle: the shapes are placed there, and each distance is
+compared with the radii and the clearance, and with these plus how far the shapes may travel from
+the middle to either end, see `joint_lines`. What is farther apart than the latter is clear on the
+whole interval, however thin it is; what is closer than the former is a collision. What is left
+undecided is compared again on both halves, down to `2^-MOST_HALVINGS` of the line, where it counts
+as a collision.
+
+This one check serves all motions: departures, changes between folds, swings, and supports that
+carry the base.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.collisions.against_boxes import (
+    GraspSurface,
+    compare_with_grid,
+)
+from mlivr_gym.collisions.against_robot import (
+    compare_capsule_pair,
+    compare_limb_with_body,
+    compare_limbs,
+)
+from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
+from mlivr_gym.collisions.joint_lines import (
+    JointLine,
+    LimbPlace,
+    place_base,
+    place_limb,
+    travel,
+)
+from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.motion import RestingLimbs
+from mlivr_gym.collisions.placement import axis_of, capsule_axis
+from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, below, has, only
+from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.compiled.records import Record, Rows
+from mlivr_gym.kinematics.poses import Pose, out_of
+from mlivr_gym.robot.specification import MOST_LIMBS
+
+MOST_HALVINGS = 10
+"""An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""
+
+FAR = 0.35
+"""Travel from which on an interval is halved in any case [m]; affects the speed only."""
+
+
+class Compared(Record):
+    """What is compared on a line."""
+
+    boxes: int
+    """Set of limbs that are compared with boxes."""
+    holding: int
+    """Set of limbs that hold: their capsules on the flange axis stand still and are not compared
+    with boxes, since this was done where the stance was checked."""
+    base: bool
+    """Whether the body and what is fixed to it is compared with boxes."""
+    itself: int
+    """Set of limbs that are compared with themselves and the body."""
+    first: int
+    """Limb that is compared with `second`, or with the limbs at rest."""
+    second: int
+    """Limb that the first one is compared with, -1 for none."""
+    resting: bool
+    """Whether the first limb is compared with the limbs at rest."""
+
+
+class LineInterval(Record):
+    """An interval of a line that is still to be checked, with the comparisons that remain."""
+
+    middle: float
+    """Its middle, as a fraction of the line."""
+    half: float
+    """Half its length."""
+    boxes: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of capsules to compare with boxes."""
+    itself: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of pairs of its capsules to compare."""
+    body: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of capsules to compare with the body."""
+    limbs: int
+    """Set of capsules of the first limb to compare with the second, or of limbs at rest."""
+    base: bool
+    """Whether the base is to be compared with boxes."""
+
+
+class LineScratch(Record):
+    """A line, what is compared on it, and the scratch of its check."""
+
+    line: JointLine
+    compared: Compared
+    surface: GraspSurface
+    """The grasp at which the gripper of the first limb is, if any."""
+    resting: RestingLimbs
+    """The limbs at rest."""
+    placed: Annotated[Rows[LimbPlace], (MOST_LIMBS,)]
+    """Limbs in the middle of an interval."""
+    base: Pose
+    """Base there."""
+    intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
+    """Stack of intervals."""
+    is_leader: bool
+    """Whether it was the base or its leader, without the other limbs, that was not clear."""
+    jacobian: Annotated[Array, (6, 6)]
+    """Scratch of a determinant."""
+
+
+@kernel
+def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Check whether the robot keeps the clearance along the line in `scratch`.
+
+    Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
+    """
+    intervals = scratch.intervals
+    _start(robot, scratch.compared, intervals[0])
+    top = 1
+    while top > 0:
+        top -= 1
+        interval = intervals[top]
+        _place(robot, interval, scratch)
+        result = _compare(robot, grid, clearance, interval, scratch)
+        if result > UNDECIDED:
+            return result
+        if result == UNDECIDED:
+            if interval.half <= 0.5**MOST_HALVINGS:
+                return UNDECIDED
+            _halve(interval, intervals[top + 1])
+            top += 2
+    return CLEAR
+
+
+@part
+def _start(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
+    """Set an interval to the whole line, with everything to be compared."""
+    interval.middle = interval.half = 0.5
+    for i in range(robot.limb_count):
+        interval.boxes[i] = interval.itself[i] = interval.body[i] = EMPTY
+        if has(compared.boxes, i):
+            interval.boxes[i] = EVERY
+            if has(compared.holding, i):
+                interval.boxes[i] = below(robot.limbs[i].first_on_axis)
+        if has(compared.itself, i):
+            interval.itself[i] = interval.body[i] = EVERY
+    interval.base = compared.base
+    interval.limbs = EVERY if compared.resting or compared.second >= 0 else EMPTY
+
+
+@part
+def _halve(first: LineInterval, second: LineInterval) -> None:
+    """Replace an interval by its first half, and set another one to its second half."""
+    half = 0.5 * first.half
+    second.middle, second.half = first.middle + half, half
+    first.middle, first.half = first.middle - half, half
+    for i in range(MOST_LIMBS):
+        second.boxes[i], second.itself[i] = first.boxes[i], first.itself[i]
+        second.body[i] = first.body[i]
+    second.limbs, second.base = first.limbs, first.base
+
+
+@part
+def _place(robot: RobotModel, interval: LineInterval, scratch: LineScratch) -> None:
+    """Place the limbs and the base that an interval needs."""
+    line, compared = scratch.line, scratch.compared
+    in_world = interval.base
+    for i in range(robot.limb_count):
+        in_world = in_world or interval.boxes[i] != 0
+    for i in range(robot.limb_count):
+        # All capsules of a limb are needed where others are compared with them.
+        capsules = interval.boxes[i] | interval.body[i]
+        if interval.itself[i] or (interval.limbs and i in (compared.first, compared.second)):
+            capsules = EVERY
+        if capsules or (in_world and i == line.leader):
+            middle, half = interval.middle, interval.half
+            place_limb(robot.limbs[i], line, middle, half, capsules, scratch.placed[i])
+    if in_world and line.leader >= 0:
+        leader = robot.limbs[line.leader]
+        place_base(leader, scratch.placed[line.leader], line.grasp, scratch.base)
+    elif in_world:
+        for k in range(3):
+            scratch.base.position[k] = line.base.position[k]
+            for c in range(3):
+                scratch.base.rotation[k, c] = line.base.rotation[k, c]
+
+
+@part
+def _compare(
+    robot: RobotModel, grid: BoxGrid, clearance: float, interval: LineInterval, scratch: LineScratch
+) -> int:
+    """Make the comparisons that remain for an interval, and remove those that are clear.
+
+    The base and its leader come first.
+    """
+    scratch.is_leader = True
+    if interval.base:
+        result = _compare_base(robot, grid, clearance, scratch)
+        if result > UNDECIDED:
+            return result
+        interval.base = result == UNDECIDED
+    leader, undecided = scratch.line.leader, interval.base
+    if leader >= 0:
+        result = _compare_limb(leader, robot, grid, clearance, interval, scratch)
+        if result > UNDECIDED:
+            return result
+        undecided = undecided or result == UNDECIDED
+    leads = undecided
+    scratch.is_leader = False
+    for i in range(robot.limb_count):
+        if i != leader:
+            result = _compare_limb(i, robot, grid, clearance, interval, scratch)
+            if result > UNDECIDED:
+                return result
+            undecided = undecided or result == UNDECIDED
+    if interval.limbs:
+        result = _compare_others(robot, clearance, interval, scratch)
+        if result > UNDECIDED:
+            return result
+        undecided = undecided or result == UNDECIDED
+    scratch.is_leader = leads
+    return UNDECIDED if undecided else CLEAR
+
+
+@kernel
+def _compare_base(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Compare the body and the mounts with boxes."""
+    leader, undecided = scratch.line.leader, False
+    for c in range(robot.base_capsule_count):
+        capsule = robot.base_capsules[c]
+        a, b = capsule_axis(capsule.ends)
+        moves = 0.0, 0.0
+        if leader >= 0:
+            moves = travel(scratch.placed[leader], 0, 6, a), travel(scratch.placed[leader], 0, 6, b)
+        is_far = max(moves[0], moves[1]) > FAR
+        if is_far:
+            moves = 0.0, 0.0
+        axis, at_grasp = (out_of(scratch.base, a), out_of(scratch.base, b)), c < 0
+        inner = capsule.radius + clearance
+        result = compare_with_grid(axis, inner, moves, grid, scratch.surface, at_grasp)
+        if result > UNDECIDED:
+            return result
+        undecided = undecided or is_far or result == UNDECIDED
+    return UNDECIDED if undecided else CLEAR
+
+
+@kernel
+def _compare_limb(
+    i: int,
+    robot: RobotModel,
+    grid: BoxGrid,
+    clearance: float,
+    interval: LineInterval,
+    scratch: LineScratch,
+) -> int:
+    """Compare one limb with boxes, itself and the body."""
+    limb, placed = robot.limbs[i], scratch.placed[i]
+    if interval.boxes[i]:
+        result, interval.boxes[i] = _compare_with_boxes(
+            limb, interval.boxes[i], placed, grid, clearance, scratch
+        )
+        if result > UNDECIDED:
+            return result
+    if interval.itself[i]:
+        result, interval.itself[i] = _compare_with_itself(
+            limb, placed, interval.itself[i], clearance
+        )
+        if result > UNDECIDED:
+            return result
+    if interval.body[i]:
+        result, interval.body[i] = compare_limb_with_body(
+            robot, limb, placed.in_body, interval.body[i], clearance
+        )
+        if result > UNDECIDED:
+            return result
+    undecided = interval.boxes[i] != 0 or interval.itself[i] != 0 or interval.body[i] != 0
+    return UNDECIDED if undecided else CLEAR
+
+
+@kernel
+def _compare_with_boxes(
+    limb: LimbModel,
+    pending: int,
+    placed: LimbPlace,
+    grid: BoxGrid,
+    clearance: float,
+    scratch: LineScratch,
+) -> tuple[int, int]:
+    """Compare capsules of a limb with boxes; return a result and those that are undecided."""
+    leader, base, undecided = scratch.line.leader, scratch.base, EMPTY
+    for c in range(limb.capsule_count):
+        if not has(pending, c):
+            continue
+        capsule, (a, b) = limb.capsules[c], axis_of(placed.in_body.ends, c)
+        at_a, at_b = placed.in_body.motion[c, 0], placed.in_body.motion[c, 1]
+        if leader == limb.index:
+            # Seen from its grasp, the joints beyond the link move it.
+            at_a, at_b = travel(placed, capsule.link, 6, a), travel(placed, capsule.link, 6, b)
+        elif leader >= 0:
+            at_a += travel(scratch.placed[leader], 0, 6, a)
+            at_b += travel(scratch.placed[leader], 0, 6, b)
+        # Of what travels far only a collision in the middle can be told, without a wide search.
+        is_far = max(at_a, at_b) > FAR
+        moves = (0.0, 0.0) if is_far else (at_a, at_b)
+        axis, at_grasp = (
+            (out_of(base, a), out_of(base, b)),
+            scratch.surface.applies and c >= limb.gripper,
+        )
+        inner = capsule.radius + clearance
+        result = compare_with_grid(axis, inner, moves, grid, scratch.surface, at_grasp)
+        if result > UNDECIDED:
+            return result, undecided
+        if is_far or result == UNDECIDED:
+            undecided |= only(c)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@kernel
+def _compare_with_itself(
+    limb: LimbModel, placed: LimbPlace, pending: int, clearance: float
+) -> tuple[int, int]:
+    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
+    undecided, ends = EMPTY, placed.in_body.ends
+    for k in range(limb.pair_count):
+        if not has(pending, k):
+            continue
+        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
+        first, second, axis = limb.capsules[i], limb.capsules[j], axis_of(ends, limb.pairs[k, 1])
+        inner = first.radius + second.radius + clearance
+        # The joints between the two links move the second as seen from the first.
+        moves = (
+            travel(placed, first.link, second.link, axis[0]),
+            travel(placed, first.link, second.link, axis[1]),
+        )
+        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
+        if result == SELF:
+            return SELF, undecided
+        if result == UNDECIDED:
+            undecided |= only(k)
+    return UNDECIDED if undecided else CLEAR, undecided
+
+
+@kernel
+def _compare_others(
+    robot: RobotModel, clearance: float, interval: LineInterval, scratch: LineScratch
+) -> int:
+    """Compare the first limb with the second one, or with the limbs at rest."""
+    compared, resting = scratch.compared, scratch.resting
+    limb, placed = robot.limbs[compared.first], scratch.placed[compared.first]
+    if compared.second >= 0:
+        result, interval.limbs = compare_limbs(
+            limb,
+            placed.in_body,
+            robot.limbs[compared.second],
+            scratch.placed[compared.second].in_body,
+            interval.limbs,
+            clearance,
+        )
+        return result
+    undecided = EMPTY
+    for k in range(resting.count):
+        if has(interval.limbs, k):
+            other = robot.limbs[resting.limb[k]]
+            result, _ = compare_limbs(
+                limb, placed.in_body, other, resting.shapes[k], EVERY, clearance
+            )
+            if result > UNDECIDED:
+                return result
+            if result == UNDECIDED:
+                undecided |= only(k)
+    interval.limbs = undecided
+    return UNDECIDED if undecided else CLEAR

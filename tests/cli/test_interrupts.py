@@ -1,0 +1,120 @@
+"""Ctrl-C ends a command with one line and 130 whenever it comes, and in whatever process."""
+
+import os
+import signal
+import subprocess
+import sys
+from importlib.metadata import EntryPoint
+
+import pytest
+
+SCRIPT = """\
+import re, sys
+from {module} import {function}
+if __name__ == "__main__":
+    sys.exit({function}())
+"""
+"""What pip writes as the command."""
+
+AT_IMPORT = """\
+import atexit, os, signal, sys
+
+class Interrupting:
+    def find_spec(self, name, path=None, target=None):
+        is_worker = "--multiprocessing-fork" in sys.orig_argv
+        if name == os.environ["AT"] and is_worker == (os.environ["PROCESS"] == "worker"):
+            os.killpg(0, signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+if os.environ["AT"] == "the end":
+    atexit.register(lambda: [os.killpg(0, signal.SIGINT), "some time passes"])
+"""
+"""A `sitecustomize` that sends the signal when a module is about to be imported."""
+
+STUDY = """\
+kind = "plan"
+tasks = 2
+[factors]
+cost = ["steps", "base"]
+"""
+
+
+@pytest.fixture
+def interrupted(tmp_path):
+    """Runs a command that is interrupted, like all its processes, at an import in one of them."""
+    (tmp_path / "sitecustomize.py").write_text(AT_IMPORT)
+    entry = EntryPoint("mlivr-gym", "mlivr_gym.cli.main:main", "console_scripts")
+    script = tmp_path / "mlivr-gym"
+    script.write_text(SCRIPT.format(module=entry.module, function=entry.attr))
+    starts = {"script": [str(script)], "module": ["-m", "mlivr_gym"]}
+
+    def run(start, at, *arguments, process="first"):
+        path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
+        done = subprocess.run(
+            [sys.executable, *starts[start], *arguments],
+            env=os.environ | {"PYTHONPATH": path, "AT": at, "PROCESS": process},
+            capture_output=True,
+            text=True,
+            timeout=300,
+            check=False,
+            start_new_session=True,
+            # A shell that starts the tests in the background makes them ignore Ctrl-C.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+@pytest.mark.parametrize(
+    ("start", "at"),
+    [
+        ("script", "gymnasium"),
+        ("module", "numpy"),
+        ("script", "mlivr_gym.cli.examples"),
+        ("module", "mlivr_gym.cli.plan"),
+        ("script", "numba"),
+        ("module", "mlivr_gym.planners.corridor"),
+        ("module", "the end"),
+    ],
+)
+def test_a_command_is_interrupted_while_it_starts_or_ends(interrupted, start, at):
+    code, _, err = interrupted(start, at, *(["--version"] if at == "the end" else ["plan"]))
+    assert (code, err) == (130, "mlivr-gym: interrupted\n")
+
+
+def test_the_processes_of_a_study_say_nothing(interrupted, tmp_path):
+    pytest.importorskip("pyarrow")
+    (tmp_path / "study.toml").write_text(STUDY)
+    arguments = ["study", str(tmp_path / "study.toml"), "--workers", "2", "--quiet"]
+    end = interrupted("module", "mlivr_gym.studies.rows", *arguments, process="worker")
+    assert end == (130, "", "mlivr-gym: interrupted\n")
+
+
+def test_an_interruption_in_a_callback_ends_the_command():
+    """Python would print it there, and go on."""
+    code = """
+import signal, weakref
+from mlivr_gym.cli.exits import handle_interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
+class Thing: pass
+with handle_interrupts():
+    thing = Thing()
+    watch = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
+    del thing
+print("went on")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "mlivr-gym: interrupted\n"
+
+
+def test_a_program_that_imports_the_package_keeps_its_own_handler():
+    code = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import mlivr_gym, mlivr_gym.cli.main
+assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+"""
+    words = ["plan", "mlivr-gym", "-m", "mlivr_gym"]
+    subprocess.run([sys.executable, "-c", code, *words], check=True)

@@ -1,0 +1,240 @@
+"""Lines in joint space are clear at less than five sixths of their smallest distance, and never at
+5/4 of it.
+
+Lines of both limbs are drawn at random and sampled densely; at every sample Coal measures the
+distances of the shapes that are compared. The check must reject a clearance that is a quarter
+larger than the smallest distance, and accept one that is a sixth smaller.
+"""
+
+from collections import Counter
+from copy import deepcopy
+
+import numpy as np
+import pytest
+from coal_ruler import PLATE, ROD, Ruler, grasps_of
+from compiled import called
+from joint_lines import configurations, flange_in_body, line_scratch
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import Box, robot_spec
+from mlivr_gym.collisions.box_grid import box_grid
+from mlivr_gym.collisions.contacts import capsule_ends
+from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
+from mlivr_gym.collisions.intervals import check_line
+from mlivr_gym.collisions.joint_lines import RESTING
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.robot.link_frames import rigid
+
+ROBOT = robot_spec("mlivr2")
+SHAPES = LimbShapes(ROBOT)
+RULER = Ruler(ROBOT)
+SHARES, FINE = np.linspace(0.0, 1.0, 61), np.linspace(0.0, 1.0, 301)
+STANDS_OUT = 0.37 * 0.5 * ROBOT.body_size
+"""How far the base capsules that boxes are compared with protrude from the body."""
+ON_AXIS = {
+    f"limb1/{link}/0"
+    for link in SHAPES.each[1].names[int(SHAPES.robot["limbs"][1]["first_on_axis"]) :]
+}
+COMPARED = {
+    "boxes": {"boxes": 1}, "base": {"base": True}, "itself": {"itself": 1},
+    "second": {"second": 1}, "leader": {"boxes": 2, "holding": 2},
+}  # fmt: skip
+"""What is compared, by fields of `Compared`: limb 0 with boxes, itself and body, limb 1; the base
+or the leader with boxes."""
+
+
+def are_compared(name):
+    """Return whether two shapes, the second of which may be the box, are compared."""
+
+    def compared(first, second):
+        limbs = [n[:5] for n in (first, second) if n.startswith("limb") and "/base/" not in n]
+        fixed = [n == "body" or "/base/" in n for n in (first, second)]
+        if second == "box":
+            return {
+                "boxes": limbs == ["limb0"],
+                "base": fixed[0],
+                "leader": limbs == ["limb1"] and first not in ON_AXIS,
+            }.get(name, False)
+        if name == "itself":
+            return set(limbs) == {"limb0"}
+        return name == "second" and set(limbs) == {"limb0", "limb1"} and len(limbs) == 2
+
+    return compared
+
+
+def answer(scratch, clearance, boxes=()):
+    return called(check_line)(SHAPES.robot, box_grid(boxes), clearance, scratch)
+
+
+def random_line(rng, name, leader, size, shares=SHARES):
+    """A line to be checked, and the configurations of the robot at shares of it."""
+    start = rng.uniform(-np.pi, np.pi, (2, 6))
+    joints = np.stack([start, start + rng.uniform(-size, size, (2, 6))])
+    frame = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, 3))
+    if leader == RESTING:
+        joints[1, 1] = joints[0, 1]
+    else:
+        # The base passes near the origin.
+        frame = frame @ flange_in_body(ROBOT, leader, joints.mean(axis=0)[leader])
+    scratch = line_scratch(joints, leader, frame, **COMPARED[name])
+    return scratch, configurations(ROBOT, joints, leader, frame, shares)
+
+
+def near_box(rng, where, name, n):
+    """A plate, a rod or a crate next to what is compared, somewhere along a line."""
+    position, quaternion, joints = where[int(rng.integers(len(where)))]
+    point = position
+    if name != "base":
+        ends = capsule_ends(ROBOT, SHAPES, (position, quaternion, joints))[int(name == "leader")]
+        point = ends[int(rng.integers(3))].mean(axis=0)
+    half = (PLATE, ROD, (0.05, 0.1, 0.02))[n % 3]
+    axes = Rotation.random(rng=rng).as_matrix()
+    away = rng.uniform(0.05, 0.2) + (0.15 if name == "base" else 0.0)
+    out = rng.choice((-1.0, 1.0)) * (half[2] + away) * axes[:, 2]
+    return Box("box", "obstacle", tuple(point + out), half, Box.rows(axes))
+
+
+def least(ruler, where, below):
+    """The smallest distance, the same with the wider base, and the names of both shapes."""
+    found = [pair for here in where for pair in ruler.measured(here, (), below)]
+    if not found:
+        return None
+    wide = min(gap - STANDS_OUT * (names == ["body", "box"]) for gap, *names in found)
+    return min(found), wide
+
+
+@pytest.mark.parametrize("size", [0.3, 1.5])
+@pytest.mark.parametrize("leader", [RESTING, 1])
+@pytest.mark.parametrize("name", COMPARED)
+def test_a_line_keeps_clear_and_no_more(name, leader, size):
+    if leader == RESTING and name in ("base", "leader"):
+        return  # they stand still
+    rng, found, counted, is_long = np.random.default_rng(0), Counter(), 0, size > 1.0
+    # An interval of the last depth of a long line is still millimetres long.
+    nearest = 0.06 if is_long else 0.02
+    ruler = RULER.only(are_compared(name))
+    for n in range(600):
+        scratch, where = random_line(rng, name, leader, size, FINE if is_long else SHARES)
+        boxes = (near_box(rng, where, name, n),) if name in ("boxes", "base", "leader") else ()
+        ruler.among(boxes)
+        here = least(ruler, where[::15], 0.3)
+        if here is None or here[0][0] < nearest:
+            continue
+        (gap, *names), wide = least(ruler, where, 0.3)
+        if not nearest < gap < 0.25:
+            continue
+        assert answer(deepcopy(scratch), gap / 0.8, boxes) != CLEAR
+        counted += 1
+        if wide > nearest:
+            assert answer(deepcopy(scratch), wide / 1.2, boxes) == CLEAR
+            found[tuple(names)] += 1
+        if sum(found.values()) >= 5 or (name == "base" and counted >= 8):
+            break
+    assert counted >= 5
+    assert len(found) > 1 or name == "base"
+
+
+def test_no_thin_plate_is_skipped_and_one_put_across_is_found():
+    """Long lines reported clear of plates of 1 mm are clear at every sample; a rod put through a
+    limb, somewhere on a line that was clear, makes it blocked."""
+    rng, clear, blocked = np.random.default_rng(4), 0, 0
+    ruler = RULER.only(are_compared("boxes"))
+    for n in range(160):
+        scratch, where = random_line(rng, "boxes", 1, 1.0)
+        plate = near_box(rng, where, "boxes", n % 2)
+        if answer(deepcopy(scratch), 0.02, (plate,)) != CLEAR:
+            continue
+        clear += 1
+        line = scratch["line"]
+        joints = np.stack([line[name]["q"][:2] for name in ("first", "last")])
+        frame = rigid(line["grasp"]["rotation"], line["grasp"]["position"])
+        fine = configurations(ROBOT, joints, 1, frame, FINE)
+        closest = least(ruler.among([plate]), fine, 0.1)
+        assert closest is None or closest[0][0] >= 0.02 - 1e-9
+        ends = capsule_ends(ROBOT, SHAPES, where[int(rng.integers(len(where)))])[0]
+        across = tuple(ends[int(rng.integers(3))].mean(axis=0))
+        rod = Box("box", "obstacle", across, (0.002, 0.002, 0.002))
+        blocked += answer(deepcopy(scratch), 0.02, (plate, rod)) > UNDECIDED
+    assert clear == blocked > 5
+
+
+def test_halves_of_a_clear_line_are_clear_and_the_way_back_is():
+    """Splitting never turns a clear line into a blocked one, nor does going the other way."""
+    rng, counts = np.random.default_rng(5), Counter()
+    boxes = tuple(
+        Box(f"b{k}", "obstacle", tuple(rng.uniform(-1.2, 1.2, 3)), (0.1, 0.1, 0.1))
+        for k in range(6)
+    )
+    every = {"boxes": 3, "holding": 2, "base": True, "itself": 3, "second": 1}
+    for _ in range(150):
+        scratch, _ = random_line(rng, "boxes", 1, 0.8)
+        for name, value in every.items():
+            scratch["compared"][name] = value
+        line = scratch["line"]
+        first, last = (line[name]["q"].copy() for name in ("first", "last"))
+        whole = answer(deepcopy(scratch), 0.01, boxes) == CLEAR
+        middle, halves = 0.5 * (first + last), []
+        for start, end in ((first, middle), (middle, last)):
+            line["first"]["q"], line["last"]["q"] = start, end
+            halves.append(answer(deepcopy(scratch), 0.01, boxes) == CLEAR)
+        line["first"]["q"], line["last"]["q"] = last, first
+        back = answer(deepcopy(scratch), 0.01, boxes) == CLEAR
+        assert whole == back
+        assert all(halves) or not whole
+        counts[whole] += 1
+    assert min(counts.values()) > 15
+
+
+def test_what_was_not_clear_is_told():
+    """Whether the base or its leader was too close, whatever the other limb does, or not."""
+    rng, told = np.random.default_rng(6), Counter()
+    for n in range(200):
+        scratch, where = random_line(rng, "boxes", 1, 0.6)
+        scratch["compared"]["boxes"], scratch["compared"]["holding"] = 3, 2
+        of_leader = bool(n % 2)
+        box = near_box(rng, where, "leader" if of_leader else "boxes", 2)
+        if answer(scratch, 0.02, (box,)) <= UNDECIDED:
+            continue
+        alone = deepcopy(scratch)
+        alone["compared"]["boxes"] = 2 if scratch["is_leader"] else 1
+        assert answer(alone, 0.02, (box,)) != CLEAR
+        told[bool(scratch["is_leader"])] += 1
+    assert min(told.values()) > 10
+
+
+def test_limbs_at_rest_and_boxes_behind_a_grasp(small_checked_graph):
+    """The first limb departs from a point beside the other one, which is at rest on a branch."""
+    graph, rng, found = small_checked_graph, np.random.default_rng(7), Counter()
+    ruler = RULER.only(are_compared("second"))
+    for _ in range(200):
+        s = int(rng.integers(len(graph)))
+        stance = graph.points[s].tolist()
+        state = graph.state(tuple(stance))
+        position, quaternion, joints = graph.configuration(state)
+        moved = joints.copy()
+        moved[0] += rng.uniform(-0.7, 0.7, 6)
+        frame = rigid(Rotation.from_quat(quaternion, scalar_first=True).as_matrix(), position)
+        scratch = line_scratch(np.stack([joints, moved]), RESTING, frame, resting=True)
+        ends = capsule_ends(ROBOT, SHAPES, (np.zeros(3), np.array([1.0, 0, 0, 0]), joints))[1]
+        resting = scratch["resting"]
+        resting["count"], resting["limb"][:3] = 3, 1
+        for k, off in enumerate(rng.permutation([0.0, 9.0, -9.0])):
+            resting["shapes"][k]["ends"][: len(SHAPES)] = ends + off
+        where = configurations(ROBOT, np.stack([joints, moved]), RESTING, frame, SHARES)
+        if (here := least(ruler, where, 0.6)) is None or here[0][0] < 0.02:
+            continue
+        gap, *names = here[0]
+        assert answer(deepcopy(scratch), gap / 0.8) != CLEAR
+        assert answer(deepcopy(scratch), gap / 1.2) == CLEAR
+        found[tuple(names)] += 1
+        if sum(found.values()) > 8:
+            break
+    assert len(found) > 1
+    # The gripper of a limb at a grasp touches the wall behind it; no other part may.
+    (_, point, normal), *_ = grasps_of(graph, [(0, stance[0])])
+    wall = Box("box", "obstacle", tuple(point - 0.05 * normal), (0.05, 0.05, 0.05))
+    scratch = line_scratch(np.stack([joints, joints]), RESTING, frame, boxes=1)
+    assert answer(deepcopy(scratch), 0.02, (wall,)) != CLEAR
+    scratch["surface"]["applies"] = True
+    scratch["surface"]["point"], scratch["surface"]["normal"] = point, normal
+    assert answer(scratch, 0.001, (wall,)) == CLEAR

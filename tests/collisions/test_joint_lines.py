@@ -1,0 +1,150 @@
+"""Places on a line in joint space are those of forward kinematics, and nothing travels farther
+than its bound."""
+
+import numpy as np
+import pytest
+from compiled import called
+from joint_lines import carried, flange_in_body, line_scratch
+from numeric_arms import TABLES, limb_of
+from scipy.spatial.transform import Rotation
+from wrist_arms import LIMBS, OTHERS
+
+from mlivr_gym import robot_spec
+from mlivr_gym.collisions.joint_lines import (
+    LimbPlace,
+    jacobian_determinant,
+    place_base,
+    place_limb,
+    travel,
+)
+from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.compiled.bit_sets import EVERY
+from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.robot.link_frames import link_frames, rigid
+
+ROBOT = robot_spec("mlivr2")
+SHAPES = LimbShapes(ROBOT)
+SHARES = np.linspace(-1.0, 1.0, 9)
+ARMS = {"ur5e": ROBOT.every_limb[0], "iiwa": LIMBS["iiwa"], "franka": LIMBS["franka"],
+        "iiwa-fifth": OTHERS["iiwa-fifth"], "numeric": limb_of(TABLES["xarm6"])}  # fmt: skip
+
+
+def with_arm(name):
+    """The record of a limb of the robot with another arm, and that arm."""
+    from mlivr_gym.kinematics.lengths import set_arm
+
+    arm, rows = ARMS[name], SHAPES.rows.copy()
+    limb = rows[0]["limbs"][1]
+    set_arm(limb["arm"], arm.lengths, arm.windows, arm.family_code)
+    return limb, arm
+
+
+def placed_at(limb, q, change=0.0):
+    """A limb in the middle of a line that turns each joint by `change` to either side [rad]."""
+    placed = LimbPlace.row()
+    joints = np.zeros((2, 2, 6))
+    joints[:, 1] = q - change, q + change
+    called(place_limb)(limb, line_scratch(joints)["line"], 0.5, 0.5, EVERY, placed)
+    return placed
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_axes_flange_and_base_are_those_of_forward_kinematics(name):
+    rng = np.random.default_rng(0)
+    limb, arm = with_arm(name)
+    mount = rigid(limb["mount"]["rotation"], limb["mount"]["position"])
+    for _ in range(10):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        placed = placed_at(limb, q)
+        flange = mount @ link_frames(arm, q)[6]
+        grasp, base = Pose.row(), Pose.row()
+        frame = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+        grasp["position"], grasp["rotation"] = frame[:3, 3], frame[:3, :3]
+        called(place_base)(limb, placed, grasp, base)
+        truth = frame @ np.linalg.inv(flange)
+        np.testing.assert_allclose(base["position"], truth[:3, 3], atol=1e-12)
+        np.testing.assert_allclose(base["rotation"], truth[:3, :3], atol=1e-12)
+        columns = []
+        for j in range(6):
+            h = 1e-6 * np.eye(6)[j]
+            ahead, behind = (mount @ link_frames(arm, q + d)[6] for d in (h, -h))
+            turn = Rotation.from_matrix(ahead[:3, :3] @ behind[:3, :3].T).as_rotvec() / 2e-6
+            move = (ahead[:3, 3] - behind[:3, 3]) / 2e-6
+            np.testing.assert_allclose(placed["axis"][j], turn, atol=1e-8)
+            radius = np.cross(placed["axis"][j], flange[:3, 3] - placed["point"][j])
+            np.testing.assert_allclose(radius, move, atol=1e-8)
+            columns.append([*move, *turn])
+        ours = called(jacobian_determinant)(placed, np.zeros((6, 6)))
+        np.testing.assert_allclose(ours, abs(np.linalg.det(columns)), atol=1e-7)
+
+
+def ends_in_body(q):
+    """Ends of the capsules of limb 1 in the body frame, shape (c, 2, 3)."""
+    shapes = SHAPES.each[1]
+    frames = link_frames(ROBOT.every_limb[1], q)[shapes.links]
+    mount = rigid(ROBOT.mount_rotations[1], ROBOT.mount_positions[1])
+    frames = mount @ frames
+    return np.einsum("cij,cej->cei", frames[:, :3, :3], shapes.ends) + frames[:, None, :3, 3]
+
+
+@pytest.mark.parametrize("size", [0.02, 0.3, 1.2])
+def test_nothing_travels_farther_than_its_bound(size):
+    """As seen from the body, from each link of the limb, and in the world of a grasp it holds."""
+    rng, limb, links = np.random.default_rng(1), SHAPES.rows[0]["limbs"][1], SHAPES.each[1].links
+    used = []
+    for _ in range(60):
+        q = rng.uniform(-np.pi, np.pi, 6)
+        change = rng.uniform(-size, size, 6) * rng.integers(0, 2, 6)
+        placed, middle = placed_at(limb, q, change), ends_in_body(q)
+        np.testing.assert_allclose(placed["in_body"]["ends"][: len(links)], middle, atol=1e-12)
+        grasp = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+        in_world = [carried(ROBOT, 1, grasp, q + s * change) for s in SHARES]
+        here = carried(ROBOT, 1, grasp, q)
+        ends = [ends_in_body(q + s * change) for s in SHARES]
+        for c, link in enumerate(links.tolist()):
+            for e in range(2):
+                p = middle[c, e]
+                far = max(np.linalg.norm(there[c, e] - p) for there in ends)
+                bound = placed["in_body"]["motion"][c, e]
+                assert far <= bound + 1e-12
+                used.append(far / bound if bound > 1e-9 else 1.0)
+                # In the world, where the flange stands still.
+                moved = max(
+                    np.linalg.norm(b[:3, :3] @ t[c, e] + b[:3, 3] - here[:3, :3] @ p - here[:3, 3])
+                    for b, t in zip(in_world, ends, strict=True)
+                )
+                bound = called(travel)(placed, link, 6, tuple(p))
+                assert moved <= bound + 1e-12
+                # Another body that is fixed to the base goes with all joints.
+                carried_along = max(
+                    np.linalg.norm(b[:3, :3] @ p + b[:3, 3] - here[:3, :3] @ p - here[:3, 3])
+                    for b in in_world
+                )
+                assert carried_along <= called(travel)(placed, 0, 6, tuple(p)) + 1e-12
+        for row in range(1, 6):
+            flange_of_row = [link_frames(ROBOT.every_limb[1], q + s * change) for s in SHARES]
+            start = link_frames(ROBOT.every_limb[1], q)
+            seen = np.linalg.inv(start[row]) @ start[6]
+            moved = max(
+                np.linalg.norm((np.linalg.inv(f[row]) @ f[6] - seen)[:3, 3]) for f in flange_of_row
+            )
+            p = flange_in_body(ROBOT, 1, q)[:3, 3]
+            assert moved <= called(travel)(placed, row, 6, tuple(p)) + 1e-12
+    # On short lines that turn joints alike the bound is used up, on long ones a part of it.
+    assert max(used) > (0.999 if size < 0.1 else 0.6)
+
+
+def test_one_joint_moves_a_point_on_its_circle():
+    """The bound of a single joint is the length of the arc, and no axis carries itself."""
+    limb = SHAPES.rows[0]["limbs"][1]
+    q, change = np.array([0.3, -1.0, 1.2, 0.4, 1.1, -0.7]), np.zeros(6)
+    change[1] = 0.01
+    placed = placed_at(limb, q, change)
+    for c, link in enumerate(SHAPES.each[1].links.tolist()):
+        for e in range(2):
+            p = ends_in_body(q)[c, e]
+            radius = np.linalg.norm(np.cross(placed["axis"][1], p - placed["point"][1]))
+            bound = placed["in_body"]["motion"][c, e]
+            assert bound == pytest.approx(0.01 * radius if link > 1 else 0.0, abs=1e-15)
+    on_axis = tuple(placed["point"][1] + 0.7 * placed["axis"][1])
+    assert called(travel)(placed, 0, 6, on_axis) == pytest.approx(0.0, abs=1e-15)

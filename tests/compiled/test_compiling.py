@@ -1,0 +1,223 @@
+"""Compilation is told of, is stored function by function, and happens once."""
+
+import io
+import os
+import stat
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+from small_package import package_in, run_with
+
+from mlivr_gym.compiled import cache, compiling, ready_made
+
+WITHOUT_ARCHIVE = {"NUMBA_CPU_NAME": "generic"}
+"""For a processor that is named none is ready-made."""
+
+CLEAR = "\r\x1b[K"
+
+ASK = """
+import os
+from numba.core import event
+with event.install_listener("numba:compile", event.RecordingListener()) as compiled:
+    from mlivr_gym.caller import outer, second
+    print(outer(1), len(compiled.buffer) // 2, flush=True)
+    if "KILLED" in os.environ:
+        os._exit(0)  # at once, as one that is killed
+    print(second(1), len(compiled.buffer) // 2)
+"""
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A small package with two entries."""
+    made = package_in(tmp_path)
+    caller = made / "caller.py"
+    text = caller.read_text() + "\n\n@entry\ndef second(x):\n    return middle(x) + 2\n"
+    caller.write_text(text)
+    return made
+
+
+def test_what_a_killed_process_compiled_is_not_compiled_again(package, tmp_path):
+    """Each function is stored when it is compiled, and the second run compiles the rest alone."""
+    kept = tmp_path / "kept"
+    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE, KILLED="1") == ["21 3"]
+    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 3"]
+    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
+
+
+def test_processes_that_store_at_once_lose_nothing(tmp_path):
+    """Numba reads the list of what is stored, adds to it and writes it back."""
+    (tmp_path / "count").write_text("0")
+
+    class Inner:
+        cache_path = str(tmp_path / "made")
+
+        def save_overload(self, signature, compiled):
+            before = int((tmp_path / "count").read_text())
+            time.sleep(0.02)
+            (tmp_path / "count").write_text(str(before + 1))
+
+    def store():
+        ready_made._CacheWithArchive(Inner(), "name").save_overload("signature", "compiled")
+
+    threads = [threading.Thread(target=store) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert (tmp_path / "count").read_text() == "8"
+
+
+LOOK = """
+from mlivr_gym.caller import outer
+print(outer(1), outer.stats.cache_path, sum(outer.stats.cache_hits.values()))
+"""
+
+
+@pytest.mark.parametrize("place", ["kept", "kept/kernels", "kept/kernels/DIGEST"])
+@pytest.mark.parametrize("mode", [0o757, 0o775])
+def test_machine_code_that_others_may_change_is_not_used(package, tmp_path, place, mode):
+    """Whoever may write there could have any code executed; one line says that it is not used."""
+    kept = tmp_path / "kept"
+    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "0"
+    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "1"
+    (digest,) = (kept / "kernels").iterdir()
+    opened = tmp_path / place.replace("DIGEST", digest.name)
+    opened.chmod(mode)
+    told = f"import logging; logging.basicConfig(stream=__import__('sys').stdout){LOOK}"
+    warned, found = run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    assert found == "21 None 0"
+    assert str(opened) in warned
+    assert "other users" in warned
+    opened.chmod(0o755)
+    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "1"
+
+
+def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    folder = cache.kernel_root() / "0123456789abcdef"
+    cache.make_private(folder)
+    assert cache.writable_by_others(folder) is None
+    monkeypatch.setattr(os, "getuid", lambda: os.stat(tmp_path).st_uid + 1)
+    assert cache.writable_by_others(folder) == (None if os.stat(tmp_path).st_uid == 0 else folder)
+    if os.stat(tmp_path).st_uid == 0:  # only root may give a folder away
+        os.chown(tmp_path, 12345, -1)
+        assert cache.writable_by_others(folder) == tmp_path
+
+
+def test_the_default_cache_folder_is_private(tmp_path, package):
+    """Whatever `umask` would allow."""
+    code = "import os; os.umask(0); from mlivr_gym.compiled.cache import CACHE_VARIABLE\n"
+    code += f"os.environ.pop(CACHE_VARIABLE); import mlivr_gym.caller{LOOK}"
+    out = run_with(package, tmp_path / "no", code, XDG_CACHE_HOME=str(tmp_path / "user"))
+    assert "mlivr-gym" in out[0]
+    made = [tmp_path / "user", *(tmp_path / "user").glob("mlivr-gym/**/")]
+    assert len(made) >= 4
+    for folder in made[:4]:
+        assert stat.S_IMODE(folder.stat().st_mode) == 0o700, folder
+
+
+class Terminal(io.StringIO):
+    """Standard error that is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def compilation(monkeypatch):
+    """A listener, the clock that it reads, and what it prints to a terminal."""
+    clock, stream = [100.0], Terminal()
+    monkeypatch.setattr(compiling, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(compiling, "sys", SimpleNamespace(stderr=stream))
+    monkeypatch.setattr(compiling, "archive", lambda: "the reason")
+    return compiling.Compilation(), clock, stream
+
+
+def of(name, module="mlivr_gym.transitions.steps"):
+    """An event of Numba about a function."""
+    function = SimpleNamespace(__qualname__=name, __module__=module)
+    return SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=function)})
+
+
+def test_a_line_tells_what_is_compiled_and_why(compilation):
+    found, clock, stream = compilation
+    found.on_start(of("check_all"))
+    assert (found.text, stream.getvalue()) == ("compiling check_all", "")
+    clock[0] += 3.0
+    found.on_start(of("min", "numba.cpython.builtins"))
+    assert found.text == "compiling check_all"
+    announced, line = stream.getvalue().removeprefix(CLEAR).split("\n")
+    assert announced.startswith("mlivr-gym: compiling for this machine, once for this version")
+    assert announced.endswith("the reason")
+    assert line == f"{CLEAR}compiling check_all, 3 s"
+    found.on_end(of("min", "numba.cpython.builtins"))
+    found.on_end(of("check_all"))
+    assert found.text == ""
+    assert stream.getvalue().endswith(CLEAR)
+    found.on_start(of("release_all"))
+    clock[0] += 3.0
+    found.on_end(of("release_all"))
+    assert stream.getvalue().count("mlivr-gym:") == 1
+
+
+def test_what_other_packages_compile_and_what_takes_no_time_is_not_told(compilation):
+    found, clock, stream = compilation
+    for name, module, seconds in (("mine", "somebody", 60.0), ("short", "mlivr_gym.a", 0.1)):
+        found.on_start(of(name, module))
+        clock[0] += seconds
+        assert found.text == ("compiling short" if name == "short" else "")
+        found.on_end(of(name, module))
+    assert stream.getvalue() == ""
+
+
+def test_a_line_of_progress_tells_it_instead_where_there_is_one(compilation, monkeypatch):
+    found, clock, stream = compilation
+    monkeypatch.setattr(compiling, "displays", [object()])
+    found.on_start(of("check_all"))
+    clock[0] += 3.0
+    found.on_end(of("check_all"))
+    assert stream.getvalue().count("compiling check_all") == 0
+    assert stream.getvalue().count("mlivr-gym: compiling") == 1
+
+
+COMMANDS = """
+import os, sys
+from numba.core import event
+compiled = event.RecordingListener()
+event.register("numba:compile", compiled)
+from mlivr_gym.cli.main import main
+for command in {commands}:
+    assert main(command.split()) == 0, command
+print(len(compiled.buffer) // 2)
+"""
+
+QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42"
+
+
+@pytest.mark.slow
+def test_after_warmup_a_plan_compiles_nothing_and_no_command_compiles_twice(tmp_path):
+    """On a Python or a processor that no archive serves, and with an empty cache."""
+    plans = [f"plan {QUERY} --cost {cost}" for cost in ("base", "steps")]
+    drawn = f"plan {QUERY} --picture {tmp_path / 'plan.png'}"
+    small = f"plan --map columbus --picture {tmp_path / 'plan.png'}"
+
+    def compiled(*commands):
+        done = subprocess.run(
+            [sys.executable, "-c", COMMANDS.format(commands=commands)],
+            env=os.environ | WITHOUT_ARCHIVE | {cache.CACHE_VARIABLE: str(tmp_path / "kept")},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        return int(done.stdout.split()[-1])
+
+    assert compiled("warmup") > 200
+    assert compiled(*plans) == 0
+    compiled(drawn, small)
+    assert compiled("warmup", *plans, drawn, small) == 0

@@ -1,0 +1,254 @@
+"""Time limits are kept on a slow machine, whatever the search is doing when they end."""
+
+import sys
+import time
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from small_tables import small_table
+
+from mlivr_gym import Box, Settings, jem_map, stance_graph
+from mlivr_gym.compiled import kernels
+from mlivr_gym.planners import (
+    Planner,
+    backward_search,
+    failed_joint_starts,
+    label_search,
+    level_search,
+    lower_bounds,
+    searches,
+    set_bounds,
+)
+from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
+from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_build import fill_rows
+
+SECONDS = {
+    "check_all": 2e-2,
+    "check_supports": 2e-2,
+    "release_all": 2e-2,
+    "solve_postures": 2e-2,
+    "<lambda>": 4e-4,  # the kernels of fewest steps
+}
+"""Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
+
+OTHERWISE, LABEL, SETTLED, SET, STANCE = 8e-3, 3e-2, 4e-3, 1e-5, 1e-5
+"""The same for other kernels, for a label or a node of a search, for a stance set, and for a stance
+in a search by levels."""
+
+OVERRUN = 0.2
+"""Time by which a limit may be exceeded [s]."""
+
+
+class SlowMachine:
+    """A machine whose clock is moved by the work that is done, and by nothing else."""
+
+    def __init__(self, monkeypatch):
+        self.now, self.worked, self.stored = 0.0, set(), {}
+        patch = monkeypatch.setattr
+        patch(time, "perf_counter", lambda: self.now)
+        for module in (searches, lower_bounds):
+            patch(module, "result_by_deadline", self._result_by_deadline)
+        run = kernels.in_parallel
+
+        def in_parallel(count, kernel, *args, **options):
+            self.work(kernel.__name__, count * SECONDS.get(kernel.__name__, OTHERWISE))
+            run(count, kernel, *args, **options)
+
+        for name, module in list(sys.modules.items()):
+            if name.startswith("mlivr_gym.") and vars(module).get("in_parallel") is run:
+                patch(module, "in_parallel", in_parallel)
+        self._count(
+            patch, label_search, "_search", LABEL, lambda graph, h, status, *_: status["expanded"]
+        )
+        self._count(
+            patch, backward_search, "_search", SETTLED, lambda *given: given[2]["closed"].sum()
+        )
+        for name in ("mark_support_sets", "reach_sets"):
+            self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
+        for name in ("compute_remaining", "find_path", "find_cuts"):
+            stances = len if name == "compute_remaining" else None
+            self._each(
+                patch, level_search, name,
+                lambda *given, of=stances: STANCE * len((given[1] if of else given[0]).points),
+            )  # fmt: skip
+
+    def _result_by_deadline(self, key, work, deadline):
+        """Work in a thread that goes on after the deadline, when nobody waits for it any more."""
+        began = self.now
+        found = self.stored.pop(key) if key in self.stored else work()
+        if self.now > deadline:
+            self.now, self.stored[key] = max(began, deadline), found
+            raise OutOfTime
+        return found
+
+    def work(self, kind, seconds):
+        """Some work takes its time."""
+        self.now += seconds
+        self.worked.add(kind)
+
+    def _count(self, patch, module, name, seconds, done):
+        """Let a search take time for each item that it counts."""
+        run = getattr(module, name)
+
+        def counted(*given):
+            before = done(*given)
+            end = run(*given)
+            self.work(f"{module.__name__}.{name}", seconds * float(done(*given) - before))
+            return end
+
+        patch(module, name, counted)
+
+    def _each(self, patch, module, name, seconds):
+        """Let a function take the time that its arguments tell."""
+        run = getattr(module, name)
+
+        def timed(*given):
+            self.work(name, seconds(*given))
+            return run(*given)
+
+        patch(module, name, timed)
+
+
+def among_obstacles(graph, base_positions):
+    """The graph, with a box beside its nodes."""
+    graph.remove_obstacles()
+    centre = base_positions.mean(axis=0) + np.array([0.0, 0.5, 0.0])
+    graph.add_obstacles([Box.between("box", "obstacle", centre - 0.3, centre + 0.3)])
+    return graph
+
+
+def over_a_table(limbs):
+    graph, table = small_table(limbs)
+    return among_obstacles(graph, table.base_position)
+
+
+def near_map():
+    """More points of the JEM."""
+    jem = jem_map()
+    near = (np.abs(jem.positions[:, 0] - 2.3) < 0.5) & (np.arange(len(jem)) % 2 == 0)
+    return jem.subset(near, "near")
+
+
+def without_a_table():
+    return stance_graph(near_map(), "mlivr3")
+
+
+def unknown_steps():
+    return stance_graph(near_map(), settings=Settings(limb_threshold=0.05))
+
+
+@cache
+def known_steps():
+    graph = stance_graph(near_map())
+    fill_rows(graph)
+    return graph
+
+
+CASES = {
+    "two limbs, steps known": known_steps,
+    "table of three limbs": lambda: small_table(3)[0],
+    "table of three limbs, obstacles": lambda: over_a_table(3),
+    "table of four limbs, obstacles": lambda: over_a_table(4),
+    "three limbs without a table": without_a_table,
+    "two limbs, steps unknown": unknown_steps,
+    "two limbs, obstacles": lambda: among_obstacles(
+        unknown_steps(), small_table(2)[1].base_position
+    ),
+}
+"""Graphs whose searches work in all ways that there are."""
+
+
+def query(graph, cost):
+    """A start, and a goal that is as far as a plan leads, without a limit."""
+    rng, best, found = np.random.default_rng(2), 0, None
+    start = random_state(graph, rng)
+    for _ in range(12):
+        goal = graph.posture_of(random_state(graph, rng)).base_position[0].tolist()
+        plan = Planner(graph).plan(start, goal, cost, goal_tolerance=0.05).plan
+        if plan is not None and len(plan.steps) > best:
+            best, found = len(plan.steps), (start, goal, cost)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("case", "cost", "method"),
+    [
+        *((case, cost, "astar") for case in CASES for cost in ("base", "steps")),
+        ("two limbs, steps known", "base", "dijkstra"),
+    ],
+)
+def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
+    """Wherever in the search it ends: in bounds, among nodes, edges, postures or labels."""
+    graph = CASES[case]()
+    given = query(graph, cost)
+    machine, whole = SlowMachine(monkeypatch), 0.0
+    for share in (None, *np.linspace(0.04, 0.94, 7).tolist()):
+        fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
+        limit, began = 1e9 if share is None else share * whole, machine.now
+        found = Planner(fresh).plan(
+            *given, goal_tolerance=0.05, time_limit=limit, inflation=1.0, method=method
+        )
+        took = machine.now - began
+        whole = whole or took
+        assert found.plan is not None or found.reason == "limit reached"
+        assert took <= limit + OVERRUN
+    graph.remove_obstacles()
+    assert whole > 2.0 * OVERRUN
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
+    """As where obstacles may cut the goal off."""
+    graph = CASES["two limbs, obstacles"]() if limbs == 2 else over_a_table(3)
+    lazy_table = lower_bounds.LowerBounds(graph).lazy_table
+    machine, every = SlowMachine(monkeypatch), np.arange(len(lazy_table.table.points))
+    with pytest.raises(OutOfTime):
+        lazy_table.check_nodes(every, Clock(0.3))
+    assert machine.now <= 0.3 + OVERRUN
+    lazy_table.check_nodes(every, Clock(1e9))
+    graph.remove_obstacles()
+    assert machine.now > 0.3 + 2.0 * OVERRUN
+
+
+def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
+    """All items in order, once; what was learned of one kind of work does not hold for another."""
+    now = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    clock = Clock(1e9)
+    for kind, each in (("dear", 0.5), ("cheap", 1e-6), ("middling", 3e-3), ("dear", 0.5)):
+        seen, last = [], 0.0
+        for piece in clock.pieces(kind, 5000):
+            seen.extend(range(5000)[piece])
+            last = each * (piece.stop - piece.start)
+            assert last <= max(each, 2.0 * PIECE)
+            now[0] += last
+        assert seen == list(range(5000))
+    assert len(list(Clock().pieces("any", 5000))) == 1
+    clock = Clock(now[0] + 1.0)
+    seen = clock.pieces("dear", 5000)
+    for _ in range(4):
+        piece = next(seen)
+        now[0] += 0.3 * (piece.stop - piece.start)
+    with pytest.raises(OutOfTime):
+        next(seen)
+    assert now[0] <= clock.deadline + 0.3
+
+
+def test_all_starts_of_a_robot_with_a_failed_joint_share_the_time(monkeypatch):
+    """The limit is not that of each."""
+    now, told = [0.0], []
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    starts = [(f"graph {k}", f"start {k}") for k in range(9)]
+    monkeypatch.setattr(failed_joint_starts, "starts_with_failed_joints", lambda *_: iter(starts))
+
+    def plan(graph, start, seconds):
+        told.append(seconds)
+        now[0] += min(seconds, 0.8)
+        return SimpleNamespace(plan=None)
+
+    failed_joint_starts.plan_with_failed_joints(None, (), None, plan, 2.0)
+    assert told == pytest.approx([2.0, 1.2, 0.4, 0.0])
+    assert now[0] == pytest.approx(2.0)
