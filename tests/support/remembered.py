@@ -7,9 +7,7 @@ from functools import cache
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 SOLVED = {}
-"""Postures of all stances, and what the solver knows then, by map, robot, settings and stances."""
-
-KNOWN_BY_SOLVER = ("_index_of", "_rejected", "_solved")
+"""Postures of all stances, by map, robot, settings and stances."""
 
 
 @contextmanager
@@ -62,13 +60,8 @@ def stances_solved_once():
             return solve(graph, stances)
         key = (graph.grasp_map.fingerprint, graph.robot, graph.settings, stances.tobytes())
         if key not in SOLVED:
-            found = solve(graph, stances)
-            known = {name: getattr(graph.solver, name) for name in KNOWN_BY_SOLVER}
-            SOLVED[key] = deepcopy((found, known))
-            return found
-        found, known = deepcopy(SOLVED[key])
-        vars(graph.solver).update(known)
-        return found
+            SOLVED[key] = solve(graph, stances)
+        return deepcopy(SOLVED[key])
 
     StanceGraph.postures = postures
     try:
