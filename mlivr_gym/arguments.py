@@ -242,6 +242,14 @@ class Function:
         return value
 
 
+def is_file_name(path: str) -> bool:
+    """Return whether the system can have a file of this name: without NUL and lone surrogates."""
+    try:
+        return b"\0" not in os.fsencode(path)
+    except UnicodeEncodeError:
+        return False
+
+
 class FileName:
     """Validator of a file path.
 
@@ -251,7 +259,7 @@ class FileName:
     def read(self, value: object, place: FieldPath) -> str:
         """Return the path as text."""
         path = os.fspath(value) if isinstance(value, (str, os.PathLike)) else None
-        if not isinstance(path, str):
+        if not isinstance(path, str) or not is_file_name(path):
             raise place.refused(value, "the path of a file")
         return path
 

@@ -127,6 +127,9 @@ def _run_line(given: Sequence[str]) -> int:
         if "--json" in given:  # the parser may have stopped before this option
             _print_json(REFUSED, str(error), {})
         return REFUSED
+    except Exception as error:
+        _too_little_memory(error)
+        return FAILED
     args.result = {}
     with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
         code, message = _run(args)
@@ -150,20 +153,20 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
         print(f"mlivr-gym: {error}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
     except Exception as error:
-        if not is_out_of_memory(error):
-            raise
-        message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
-        print(f"mlivr-gym: {message}", file=sys.stderr)
-        return FAILED, message
+        return FAILED, _too_little_memory(error)
     except KeyboardInterrupt as stop:
         print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
 
 
-def is_out_of_memory(error: Exception) -> bool:
-    """Return whether memory was missing: for data, a library that is loaded, or a thread."""
+def _too_little_memory(error: Exception) -> str:
+    """Print that memory was missing for data, a library or a thread; raise any other error."""
     told = ("failed to map segment", "cannot allocate memory", "can't start new thread")
-    return isinstance(error, MemoryError) or any(one in str(error).lower() for one in told)
+    if not (isinstance(error, MemoryError) or any(one in str(error).lower() for one in told)):
+        raise error
+    message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
+    print(f"mlivr-gym: {message}", file=sys.stderr)
+    return message
 
 
 def json_value(value: Any) -> Any:

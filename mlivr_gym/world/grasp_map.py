@@ -114,8 +114,11 @@ class GraspMap(EqualByData):
             return int(point)
         raise UnknownPointError(point, self.ids)
 
+    @checked(error=MapError)
     def subset(self, keep: BoolArray, name: str | None = None) -> GraspMap:
         """Return the map with only the points for which `keep`, shape (m,), is true."""
+        if keep.shape != (len(self),):
+            raise MapError(f"keep has shape {keep.shape}; it must have shape ({len(self)},)")
         chosen = np.flatnonzero(keep)
         return replace(
             self,

@@ -99,10 +99,13 @@ def in_metres(kind: Any, data: Any, metres: float) -> Any:
     return data
 
 
-def _scaled(value: Any, factor: float) -> Any:
-    """Return a number, or those of lists, times a factor; anything else is left."""
-    if isinstance(value, list | tuple):
-        return [_scaled(entry, factor) for entry in value]
+def _scaled(value: Any, factor: float, deep: int = 3) -> Any:
+    """Return a number, or those of lists up to `deep` in one another, times a factor.
+
+    Anything else is left.
+    """
+    if deep and isinstance(value, list | tuple):
+        return [_scaled(entry, factor, deep - 1) for entry in value]
     if isinstance(value, np.ndarray) and value.dtype.kind in "iuf":
         return value * factor
     is_number = isinstance(value, int | float | np.number) and not isinstance(value, bool)

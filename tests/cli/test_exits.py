@@ -1,9 +1,13 @@
+import json
 import signal
+import subprocess
+import sys
 import threading
 
 import pytest
 
-from mlivr_gym.cli.exits import handle_interrupts
+from mlivr_gym.cli.exits import FAILED, handle_interrupts
+from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError
 
 
@@ -51,3 +55,31 @@ def test_other_threads_and_ignored_signals_are_left_alone():
     finally:
         signal.signal(signal.SIGINT, before)
     assert seen == [before, signal.SIG_IGN]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit is one of Linux")
+def test_too_little_memory_is_said_in_one_line():
+    """The process gets half a gigabyte of addresses, less than a plan needs."""
+    limited = (
+        "import resource, sys; resource.setrlimit(resource.RLIMIT_AS, (500 << 20,) * 2);"
+        "from mlivr_gym.cli.main import main; sys.exit(main())"
+    )
+    query = ["plan", "--start", "D2a:4", "D2b:4", "--goal", "6", "0", "0.42"]
+    done = subprocess.run([sys.executable, "-c", limited, *query], capture_output=True, text=True)
+    assert done.returncode == FAILED
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("mlivr-gym: the memory that this process may use is not enough")
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), ImportError("x.so: failed to map segment from shared object")]
+)
+def test_a_command_without_memory_ends_without_a_traceback(capsys, monkeypatch, error):
+    def run(args):
+        raise error
+
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", run)
+    assert main(["plan", "--json", "--start", "D2a:4", "D2b:4", "--goal", "6", "0", "0"]) == FAILED
+    printed = capsys.readouterr()
+    assert len(printed.err.splitlines()) == 1
+    assert json.loads(printed.out)["exit_code"] == FAILED

@@ -312,6 +312,7 @@ SPECIAL = {
         "config": {},
     },
     "load_policy": lambda of: {"path": "pretrained"},
+    "unknown_things": lambda of: {"boxes": 1, "plates": 0},
     "LookingPolicy.act": lambda of: seen(of["UnknownMapEnv"]),
     "ReplanningPolicy.act": lambda of: seen(of["ClosedLoopEnv"]),
     "MlivrVectorEnv.step": lambda of: {"actions": [0, 0]},
