@@ -14,6 +14,7 @@ from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.critical import Loss, point_losses, rail_losses
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.stances.two_limb_rows import connected_parts
@@ -136,7 +137,7 @@ def _pair_summary(graph: TwoLimbGraph) -> dict[str, Any]:
     excluded["manipulability"] = graph.considered - len(graph) - sum(excluded.values())
     count, part = connected_parts(graph.points, len(graph.grasp_map))
     return {
-        "pairs_farther_than_span": graph.farther_than_span,
+        "pairs_farther_than_span": count_farther(graph.grasp_map, graph.robot),
         "stances_reachable": graph.reachable,
         "stances": len(graph),
         "stances_left_out": excluded,

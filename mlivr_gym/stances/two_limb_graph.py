@@ -26,7 +26,6 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import locked
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
-from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
@@ -240,11 +239,6 @@ class TwoLimbGraph(StanceGraph):
         """Return the number of stances."""
         return len(self.points)
 
-    @cached_property
-    def farther_than_span(self) -> int:
-        """Number of ordered pairs of points beyond the span that two outstretched limbs reach."""
-        return count_farther(self.grasp_map, self.robot)
-
     def find(self, stance: Sequence[int]) -> int:
         """Return the index of a stance given by point indices, -1 if it is no node."""
         self.check_stance(stance)
@@ -318,8 +312,6 @@ class TwoLimbGraph(StanceGraph):
 
     def _state_after_step(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a stance, None without such a step."""
-        self.check(state)
-        self.check_stance(after)
         if (np.array(state.stance) != after).sum() != 1:
             return None
         limb, rows = moving_limb(state.stance, after), [NO_STEPS[:, 0]] * 2

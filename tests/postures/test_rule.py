@@ -22,6 +22,7 @@ from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.limb_dynamics import arm_limb
+from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.random_states import random_stance
 
 TIE = 1e-9
@@ -380,7 +381,4 @@ def test_what_is_left_out_without_thresholds_is_counted(small_map):
     apart = np.linalg.norm(small_map.positions[:, None] - small_map.positions[None], axis=2)
     short = replace(spec, span=1.2)
     reach = 2.0 * (0.1 + spec.limb.reach + 0.05)
-    assert (
-        stance_graph(small_map, short, settings).farther_than_span
-        == ((apart > 1.2 + 1e-9) & (apart <= reach)).sum()
-    )
+    assert count_farther(small_map, short) == ((apart > 1.2 + 1e-9) & (apart <= reach)).sum()
