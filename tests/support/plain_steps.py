@@ -9,7 +9,7 @@ from plain_checks import EVERY, branch_set_of, branches, line_end, members, on
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
 from mlivr_gym.kinematics.holding import Holding, held_branches
-from mlivr_gym.transitions.steps import TIE, TRIES
+from mlivr_gym.transitions.swing_lines import TIE, TRIES
 
 
 class Edge(NamedTuple):
