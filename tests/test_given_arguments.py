@@ -29,6 +29,9 @@ from mlivr_gym.pictures.map_views import MapViews
 DRAWN = 2
 """How many values each argument gets in the short form."""
 
+MOST_SECONDS = 100.0
+"""Processor time that one call may take [s], with code that it compiles."""
+
 ALSO = {
     "start": ("stance", "graspable point", "points"),
     "settings": ("settings",),
@@ -50,7 +53,8 @@ ALSO = {
     "after": ("stance",),
     "candidates": ("map",),
     "dataset_id": ("data set",),
-    "data": ("plan", "map", "robot", "fields", "box"),
+    "data": ("plan", "map", "robot", "fields", "box", "kind"),
+    "mounts": ("limbs",),
     "low": ("min",),
     "held_joint": ("held_angle",),
     "high": ("max",),
@@ -111,7 +115,7 @@ def things(small_map, own_folder, tmp_path_factory):
 def called(function, given):
     """Calls a function, and goes through what it yields."""
     with (
-        bounded(),
+        bounded(MOST_SECONDS),
         redirect_stderr(io.StringIO()),
         warnings.catch_warnings(),
         suppress(gymnasium.error.DependencyNotInstalled, gymnasium.error.ResetNeeded),

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from pathlib import Path
@@ -207,6 +208,6 @@ def read_study(folder: str | Path) -> list[Row]:
     """
     require("pyarrow", extra="study")
     path = Path(folder) / RESULT
-    if not path.exists():
+    if not os.path.isfile(path):
         raise FileError(f"folder {path_shown(folder)} holds no finished study: no file {RESULT!r}")
     return _read(path)
