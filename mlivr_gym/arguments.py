@@ -117,6 +117,8 @@ def checked(
         def call_first(*args: P.args, **kwargs: P.kwargs) -> T:
             try:
                 return function(*args, **kwargs)
+            except MlivrError:  # the function has told it in its own words
+                raise
             except Exception:
                 converted(*args, **kwargs)
                 raise

@@ -42,7 +42,7 @@ def test_every_fault_of_a_json_file_is_one_error_that_names_it(tmp_path, fault):
 
 @pytest.mark.parametrize("path", ["nowhere.json", ".", "a\0b", "n" * 5000, "/dev/zero"])
 def test_what_is_no_file_is_one_error(path):
-    with pytest.raises(FileError, match="cannot read thing"):
+    with pytest.raises(FileError, match=r"cannot read thing|must be the path of a file"):
         read_json(path, "thing")
 
 
@@ -60,7 +60,7 @@ def test_valid_json_is_read_as_it_is(tmp_path):
 @pytest.mark.parametrize("name", ["a\0b", "\ud800", "no/x.json", "n" * 300, "."])
 def test_what_cannot_be_written_is_one_error(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(FileError, match="cannot write"):
+    with pytest.raises(FileError, match=r"cannot write|must be the path of a file"):
         write_whole(name, "{}")
     assert not list(tmp_path.iterdir())
 
@@ -93,7 +93,8 @@ def test_a_private_file_is_private_at_every_moment(tmp_path, monkeypatch):
     path.chmod(0o600)
 
     def look(*_):
-        seen.extend(stat.S_IMODE(one.stat().st_mode) for one in tmp_path.iterdir())
+        if len(present := list(tmp_path.iterdir())) > 1:  # not where the folder is synced at last
+            seen.extend(stat.S_IMODE(one.stat().st_mode) for one in present)
 
     monkeypatch.setattr("mlivr_gym.files.os.fsync", look)
     write_whole(path, "new")
@@ -329,7 +330,6 @@ def test_one_function_writes_all_files():
     allowed = {
         ("files.py", "open"),
         ("files.py", "os.replace"),
-        ("compiled/warming.py", "mark.touch"),  # a mark without content
         ("stances/table_files.py", "archive.open"),  # in memory
     }
     root, found = Path(mlivr_gym.__file__).parent, set()

@@ -58,6 +58,8 @@ ALSO = {
     "low": ("min",),
     "held_joint": ("held_angle",),
     "high": ("max",),
+    "stances": ("stance",),
+    "state": ("before",),
     "present": ("base position", "base quaternion", "joint angles", "configuration"),
     "path": ("cannot write", "cannot read", "file", "mesh", "obstacles"),
 }

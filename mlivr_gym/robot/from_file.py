@@ -88,10 +88,14 @@ class RobotFile:
         return (self._checked(angles) - self.offsets) * self.signs
 
     def _checked(self, angles: Any) -> Array:
-        """Return joint angles as an array; refuse those of another number of limbs."""
+        """Return joint angles as an array that fits the limbs; six are those of every limb."""
         place, shape = FieldPath("angles", RobotError), self.signs.shape
         found: Array = ArrayOf("f").read(angles, place)
-        if found.shape[-2:] != shape:
+        try:
+            fits = np.broadcast_shapes(found.shape, shape)[-2:] == shape
+        except ValueError:
+            fits = False
+        if not fits:
             raise place.fault(f"have shape {found.shape}; it must end with {shape}")
         return found
 

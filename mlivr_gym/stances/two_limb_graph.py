@@ -73,6 +73,7 @@ class TwoLimbGraph(StanceGraph):
         also holds without thresholds.
     """
 
+    @checked()
     def __init__(
         self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings,
         known: TwoLimbStances | None = None,

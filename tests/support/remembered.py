@@ -30,6 +30,7 @@ STEPS = {}
 """Steps that leave a state, by robot, world and state."""
 
 
+@StanceGraph.register
 class StepsAskedOnce:
     """A graph for searches of different costs, which meet the same states in the same worlds."""
 
