@@ -18,7 +18,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extras import require
-from mlivr_gym.schema import Integer
+from mlivr_gym.schema import Anything, Integer
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 REQUIRED_PACKAGES = ("minari", "h5py", "jax")
@@ -36,7 +36,7 @@ DESCRIPTION = (
 """Description in the metadata of every data set."""
 
 
-@checked({"episodes": Integer(1, 10**9), "seed": SEED})
+@checked({"dataset_id": Anything(), "episodes": Integer(1, 10**9), "seed": SEED})
 def write_dataset(
     dataset_id: str,
     episodes: int,

@@ -19,8 +19,9 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.wrappers import WRAPPED_ENV
+from mlivr_gym.schema import OrNone
 from mlivr_gym.sharing import Independent
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.stance_graph import STATES, StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -155,7 +156,7 @@ def point_lookahead(
     return np.concatenate([out, arrivals], axis=2)
 
 
-@checked()
+@checked({"states": OrNone(STATES)})
 def env_features(env: MlivrEnv, states: Sequence[State] | None = None) -> Features:
     """Return the features of states of an environment, by default of its present state."""
     graph = env.graph

@@ -15,7 +15,7 @@ from mlivr_gym.agents.features import env_features, point_space
 from mlivr_gym.agents.hyperparameters import SIZES
 from mlivr_gym.agents.networks import as_tensors, logits_and_value, make_actor_critic
 from mlivr_gym.agents.policies import PlanPolicy
-from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.arguments import FileName, InstanceOf, Reader, checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, observation_space
@@ -44,6 +44,32 @@ every logit is finite; larger weights may overflow single precision. Those that 
 
 NETWORK = Choice(tuple(SIZES.optional))
 """Validator of the name of a network."""
+
+
+def _stem(value: object, place: FieldPath) -> str:
+    """Return the path of a checkpoint without suffix, which must have a name."""
+    path = FileName().read(value, place)
+    if not Path(path).name:
+        raise place.refused(value, "the path of a checkpoint, without suffix")
+    return path
+
+
+STEM = Reader(_stem)
+"""Validator of the path of a checkpoint to be written."""
+
+
+def _plain(value: Any, place: FieldPath) -> dict[str, Any]:
+    """Return a configuration that JSON can hold."""
+    try:
+        json.dumps(value, sort_keys=True)
+    except (TypeError, ValueError, RecursionError):
+        raise place.refused(value, "an object of plain data, with names") from None
+    found: dict[str, Any] = InstanceOf(dict).read(value, place)
+    return Fields({}, others=True).read(found, place)
+
+
+PLAIN = Reader(_plain)
+"""Validator of data that JSON can hold."""
 
 BEAM = {"width": Integer(1, 10_000), "max_steps": Integer(1, 10_000)}
 """Validators of the figures of a beam search."""
@@ -175,7 +201,7 @@ def beam_policy(policy: LearnedPolicy, width: int = 8) -> PlanPolicy:
     return PlanPolicy(lambda env: beam_search(policy, env, width))
 
 
-@checked({"actor_critic": InstanceOf(torch.nn.Module)})
+@checked({"path": STEM, "actor_critic": InstanceOf(torch.nn.Module), "config": PLAIN})
 def save_policy(path: str | Path, actor_critic: Any, config: dict[str, Any]) -> None:
     """Write the weights to `PATH.pt` and the configuration to `PATH.json`, both or none.
 

@@ -23,7 +23,7 @@ from mlivr_gym.agents.hyperparameters import (
     load_hyperparameters,
 )
 from mlivr_gym.agents.imitation import Imitation
-from mlivr_gym.agents.learned import LearnedPolicy, load_policy, made_for, save_policy
+from mlivr_gym.agents.learned import STEM, LearnedPolicy, load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.agents.test_set import held_out_goals
@@ -37,7 +37,7 @@ Progress = Callable[[str, int, int, dict[str, float]], None]
 """Function called with the phase, the steps done, their total number, and figures by name."""
 
 
-@checked({"method": Choice(METHODS), "seed": SEED})
+@checked({"method": Choice(METHODS), "seed": SEED, "out": OrNone(STEM)})
 def train(
     method: str,
     network: str = "pointer",

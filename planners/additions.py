@@ -237,6 +237,8 @@ def one_more_limb(
     name = f"mlivr{graph.limbs + 1}"
     if graph.robot != robot_spec(f"mlivr{graph.limbs}") or name not in ROBOTS:
         return None
+    if isinstance(start, State):
+        graph.check(start)
     held = start.stance if isinstance(start, State) else graph.indices(start)
     settings = replace(graph.settings, base_threshold=None)
     other = in_same_world(graph, robot=robot_spec(name), settings=settings)

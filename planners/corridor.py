@@ -120,6 +120,10 @@ def plan_in_corridor(
     """
     world, robot = as_map(grasp_map), robot_spec(robot)
     named = STANCE.read(start, FieldPath("start", StanceError))
+    if len(named) != robot.limbs:
+        raise StanceError(
+            f"start names {len(named)} points; robot {robot.name!r} has {robot.limbs} limbs"
+        )
     held = [world.index(point) for point in named]
     taken = [world.ids[k] for k in sorted({world.index(point) for point in occupied})]
     target = world.check_goal(goal)

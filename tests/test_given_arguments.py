@@ -16,8 +16,9 @@ import gymnasium
 import numpy as np
 import pytest
 from fuzz import answer, bounded, given_values
-from good_arguments import Things, bound, good
+from good_arguments import bound, good
 from public_api import PAGES, callables, parameters
+from things import Things
 
 from mlivr_gym import MlivrError, State
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
@@ -55,15 +56,22 @@ ALSO = {
     "dataset_id": ("data set",),
     "data": ("plan", "map", "robot", "fields", "box", "kind"),
     "mounts": ("limbs",),
+    "mask": ("actions",),
     "low": ("min",),
     "held_joint": ("held_angle",),
     "high": ("max",),
     "stances": ("stance",),
     "state": ("before",),
     "present": ("base position", "base quaternion", "joint angles", "configuration"),
-    "path": ("cannot write", "cannot read", "file", "mesh", "obstacles"),
+    "path": ("cannot write", "cannot read", "file", "mesh", "obstacles", "plan"),
 }
 """What messages call some arguments besides their names."""
+
+COMMON = (
+    "graspable point", "stance", "obstacle", "checkpoint", "found on map", "policy",
+    "needs a screen", "cannot hold it",
+)  # fmt: skip
+"""What messages about what an argument names call it."""
 
 NEEDS_MORE = {"SceneWindow", "RecordVideo"}
 """Classes that need a screen or a package; what they are given is checked before."""
@@ -147,7 +155,7 @@ def faults(things, page, drawn=None):
                 asked += 1
                 try:
                     tried = partial(called, call, {**given, name: value})
-                    refused += answer(tried, name, ALSO.get(name, ())) is not None
+                    refused += answer(tried, name, (*COMMON, *ALSO.get(name, ()))) is not None
                 except (Exception, AssertionError) as error:
                     told = f"{type(error).__name__} {str(error)[:200]!r}"
                     wrong.append(f"{title}, {name} = {shortened(value)}: {told}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterator
+from importlib.machinery import PathFinder
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 from mlivr_gym.cli.arguments import THREADS, option, refuse_without_effect
 from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.compiled.cache import PACKAGE
 from mlivr_gym.engines import ENGINES
 from mlivr_gym.files import write_whole
 from mlivr_gym.schema import Choice
@@ -47,6 +49,8 @@ def run(args: argparse.Namespace) -> None:
     design = StudyDesign.from_file(args.file)
     if is_function(design.kind):
         # Last, so that no file beside a study hides an installed module of its name.
+        if PathFinder.find_spec("mlivr_gym") is None:  # installed for editing, and found after it
+            sys.path.append(str(PACKAGE.parent))
         sys.path.append(str(Path(args.file).resolve().parent))
     folder = Path(args.out or Path(args.file).with_suffix(""))
     check_outputs(folder / "study.md", folder=folder)

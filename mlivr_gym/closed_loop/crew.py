@@ -15,9 +15,9 @@ import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.schema import Tuples
+from mlivr_gym.schema import Numbers, Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
-from mlivr_gym.values import MAX_LENGTH, Triple
+from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, Triple
 
 LEAST_DISTANCE = 0.1
 """Distance that the robot keeps from crew members [m]."""
@@ -69,7 +69,7 @@ class CrewMember(ParameterSet):
     radius: Annotated[float, Tuples((), 0.01, 1.0, "m")] = 0.25
     """Radius of the body [m]."""
 
-    @checked()
+    @checked({"times": Numbers((None,), rows=(0, MAX_POINTS))})
     def middles(self, times: Array) -> Array:
         """Return where its middle is at k times, shape (k, 3) [m]."""
         line = np.array(self.end) - self.start

@@ -37,7 +37,7 @@ def failure_probabilities(points: int, grasp_failure: float | Array, seed: int =
     """
     given = GRASP_FAILURE.read(grasp_failure, FieldPath("grasp_failure", SettingError))
     if not given.ndim:
-        return np.random.default_rng(seed).uniform(0.0, 2.0 * given, points)
+        return np.random.default_rng(seed).uniform(0.0, 2.0 * abs(given), points)  # also of -0.0
     if len(given) != points:
         raise SettingError(
             f"grasp_failure has {len(given)} numbers; it must be one number, or {points} numbers, "

@@ -36,6 +36,7 @@ def unknown_things(
     not hold. The graph is left as it was. Raises a `SettingError` if there are fewer points than
     plates, and a `StanceError` if not so many things find a place.
     """
+    graph.check(start)
     grasp_map, found = graph.grasp_map, list[Box]()
     low, high = grasp_map.positions.min(axis=0), grasp_map.positions.max(axis=0)
     points = rng.permutation([k for k in range(len(grasp_map)) if k not in start.stance]).tolist()

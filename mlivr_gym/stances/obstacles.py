@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -46,8 +47,9 @@ IDS = ListOf(Text())
 
 
 def _points(value: object, place: FieldPath) -> tuple[str | int, ...]:
-    if isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
-        value = list(islice(value, MAX_PARTS + 1))  # some never end
+    with suppress(TypeError):  # an array without axes
+        if isinstance(value, Iterable) and not isinstance(value, (str, bytes)):
+            value = list(islice(value, MAX_PARTS + 1))  # some never end
     return STANCE.read(value, place)
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import checked
+from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
 from mlivr_gym.errors import RobotError, StanceError, shortened
@@ -29,12 +29,13 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath, Numbers
+from mlivr_gym.schema import FieldPath, ListOf, Numbers
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.checked_steps import CheckedSteps, join
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.point_pairs import check_distances, nearest_told, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
+from mlivr_gym.values import MAX_POINTS
 from mlivr_gym.world.given_points import STANCE
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -46,6 +47,10 @@ TOUCHED = {
     OBSTACLE: "an obstacle",
 }
 """Causes of collisions as parts of a sentence."""
+
+
+STATES = ListOf(InstanceOf(State), 1, MAX_POINTS)
+"""Validator of some states."""
 
 
 class StanceGraph(CheckedSteps):
@@ -193,7 +198,7 @@ class StanceGraph(CheckedSteps):
         )
         return None if max(off) < 1e-9 else given_pose((position, quaternion))
 
-    @checked()
+    @checked({"states": STATES})
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
         if all(state.pose is None for state in states):
@@ -386,6 +391,7 @@ class StanceGraph(CheckedSteps):
 
         It is assumed for more than two limbs, whose releases take long to compute.
         """
+        self.check(state)
         return np.ones(len(steps.limb), dtype=np.bool_)
 
     @property

@@ -26,7 +26,7 @@ from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import locked
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
-from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
+from mlivr_gym.stances.stance_graph import STATES, TOUCHED, StanceGraph
 from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObstacles
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
@@ -252,7 +252,7 @@ class TwoLimbGraph(StanceGraph):
         s = self.find(stance)
         return super().posture(stance) if s < 0 else self.node_postures(slice(s, s + 1))
 
-    @checked()
+    @checked({"states": STATES})
     def postures_of(self, states: Sequence[State]) -> Postures:
         """Return the postures of k states."""
         rows = np.array([self.find(state.stance) if state.pose is None else -1 for state in states])
@@ -305,8 +305,7 @@ class TwoLimbGraph(StanceGraph):
         states = [state]
         for stance in stances:
             self.check_stance(stance)
-            after = self._state_after_step(states[-1], stance)
-            if after is None:
+            if (after := self._state_after_step(states[-1], stance)) is None:
                 break
             states.append(after)
         return tuple(states)
@@ -324,12 +323,12 @@ class TwoLimbGraph(StanceGraph):
     @checked(late=True)
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether the support limb could be released after each step, shape (k,)."""
+        self.check(state)
         states = [steps.after(state, k) for k in range(len(steps.limb))]
         supports = zip(states, (1 - steps.limb).tolist(), strict=True)
-        able = (
-            can_release(s.branch_sets[i], self.branch_set_after_grasp(s, i)) for s, i in supports
-        )
-        return np.fromiter(able, np.bool_, len(states))
+        grasped = self.branch_set_after_grasp
+        able = [can_release(s.branch_sets[i], grasped(s, i)) for s, i in supports]
+        return np.array(able, dtype=np.bool_)
 
     def row(self, support: int, s: int) -> IntArray:
         """Return the other stances in which limb `support` holds the same point as at `s`."""

@@ -60,16 +60,24 @@ class Successors(NamedTuple):
         """Return the state after step `k` from the state `before`, which these steps leave."""
         try:
             stance = before.stance_after(int(self.limb[k]), int(self.point[k]))
-        except IndexError:
-            raise StanceError(f"k is {k}; there are {len(self.limb)} steps, from 0") from None
+        except (IndexError, TypeError):
+            raise StanceError(
+                f"before {shortened(before)} has no step {shortened(k)} of the {len(self.limb)}"
+            ) from None
         return State(stance, tuple(self.branch_sets[k].tolist()))
 
     @checked(late=True)
     def take(self, kept: IntArray) -> Successors:
         """Return some of the steps, given by index or truth value."""
-        return Successors(
-            self.limb[kept], self.point[kept], self.base_position[kept], self.branch_sets[kept]
-        )
+        rows = np.asarray(kept)
+        try:
+            return Successors(
+                self.limb[rows], self.point[rows], self.base_position[rows], self.branch_sets[rows]
+            )
+        except IndexError:
+            raise StanceError(
+                f"kept {shortened(kept)} must be numbers of some of the {len(self.limb)} steps"
+            ) from None
 
 
 def moving_limb(before: tuple[int, ...], after: tuple[int, ...]) -> int:
@@ -90,7 +98,7 @@ def check_integers(given: Any, count: int, most: int, what: str) -> None:
     rows = isinstance(given, (tuple, list)) or (isinstance(given, np.ndarray) and given.ndim > 0)
     if rows and len(given) == count:
         for k in given:
-            if not isinstance(k, (int, np.integer)) or not 0 <= k <= most:
+            if (type(k) is not int and not isinstance(k, np.integer)) or not 0 <= k <= most:
                 break
         else:
             return

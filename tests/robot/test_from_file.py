@@ -194,6 +194,7 @@ def in_millimetres(text):
         (replaced("<sphere", "<mesh filename='package://gone/a.stl'/><sphere"), {},
          "6 meshes of collision shapes .* the first is 'package://gone/a.stl'; .*package_dirs"),
         (replaced("<robot", "<model"), {}, "not XML"),
+        (replaced("</robot>", f"{'<a>' * 2000}{'</a>' * 2000}</robot>"), {}, "nested too deeply"),
         (lambda _: "<sdf/>", {}, "outermost element is <sdf>; it must be <robot>"),
         (replaced("<link", '<xacro:arm prefix=""/><link'), {}, "elements of xacro; expand it"),
     ],

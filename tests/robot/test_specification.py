@@ -126,3 +126,11 @@ def test_rolls_are_ordered_by_size_the_positive_first():
         0.3,
     )
     assert RobotSpec(rolls=(-0.1, 0.1)).fingerprint == RobotSpec(rolls=(0.1, -0.1)).fingerprint
+
+
+def test_pairs_that_a_refusal_names_are_taken_as_they_stand():
+    with pytest.raises(RobotError) as refused:
+        RobotSpec.from_dict({"apart": ["base-upper_arm"]})
+    pairs = json.loads(f"[{str(refused.value).partition('must be one of ')[2]}]")
+    assert ["base", "upper_arm"] in pairs
+    assert RobotSpec.from_dict({"apart": pairs}).apart == tuple(map(tuple, pairs))

@@ -52,6 +52,7 @@ def test_disturbances_are_those_of_simulations():
         ('kind = "plan"\n[factors]\ncost = ["time"]', "factors.cost[0] is 'time'"),
         ('kind = "plan"\n[factors]\nrobot = ["a", "a"]', "it must be levels that differ"),
         ("kind = plan", "cannot read study"),
+        (f"kind = {'[' * 5000}{']' * 5000}", "nested too deeply"),
     ],
 )
 def test_a_faulty_file_is_refused_in_one_line(tmp_path, text, words):

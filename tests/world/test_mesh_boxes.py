@@ -282,3 +282,9 @@ def test_no_triangle_is_left_out(corner, tmp_path):
     (tmp_path / "part.obj").write_text("\n".join(lines) + "\n")
     with pytest.raises(MapError, match="a corner that is not finite"):
         mesh_boxes(tmp_path / "part.obj")
+
+
+def test_corners_of_two_numbers_are_refused_in_one_line(tmp_path):
+    (tmp_path / "flat.obj").write_text("v 0 0\nf 1 1 1\n")
+    with pytest.raises(MapError, match=r"flat\.obj.* is no OBJ file of triangles, or damaged"):
+        mesh_boxes(tmp_path / "flat.obj")

@@ -1,0 +1,297 @@
+"""One instance of each class of the API reference, and one file of each kind."""
+
+import dataclasses
+import json
+from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
+from importlib import import_module
+
+import numpy as np
+from plans import first_steps
+
+from mlivr_gym import (
+    Box,
+    Settings,
+    jem_map,
+    robot_spec,
+    stance_graph,
+)
+from mlivr_gym.closed_loop.belief import Belief
+from mlivr_gym.closed_loop.cargo_mission import CargoMission, MissionPart
+from mlivr_gym.closed_loop.depth_camera import DepthCamera, Look
+from mlivr_gym.closed_loop.loop import run_closed_loop
+from mlivr_gym.closed_loop.record import Event, Footage
+from mlivr_gym.envs.closed_loop import ClosedLoopEnv
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TotalReward
+from mlivr_gym.envs.task import Task
+from mlivr_gym.envs.unknown_map import UnknownMapEnv
+from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.fastest import Candidate
+from mlivr_gym.motion.path_segments import path_segments
+from mlivr_gym.motion.plan_motion import step_motion
+from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations
+from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.rendering import SceneRenderer, Shot
+from mlivr_gym.pictures.route import Route
+from mlivr_gym.planners import Cost, Planner
+from mlivr_gym.planners.additions import AddedPoints, MoreLimbs
+from mlivr_gym.planners.algorithm1 import SearchTree
+from mlivr_gym.planners.corridor import CorridorPlan
+from mlivr_gym.planners.outcome import Improvement
+from mlivr_gym.planners.reach import reach_from
+from mlivr_gym.planners.smallest_change import Change
+from mlivr_gym.planners.why_not import Cause
+from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.visuals import Visual
+from mlivr_gym.simulation.disturbances import DisturbanceRanges, robot_body_ids
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.monte_carlo import execute_many
+from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.station_load import station_load
+from mlivr_gym.simulation.timing import plan_trajectory
+from mlivr_gym.stances.critical import Loss
+from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.studies import StudyDesign, run_study
+from mlivr_gym.world.rails import Handrail
+
+
+def mlivr(name):
+    """A module of the package."""
+    return import_module(f"mlivr_gym.{name}")
+
+
+class Things:
+    """One instance of each class of the reference, made when it is first asked for."""
+
+    def __init__(self, grasp_map, folder):
+        self.map, self.folder, self.made, self.graphs = grasp_map, folder, {}, {}
+        self.settings = Settings()
+
+    def __contains__(self, name):
+        return name in MAKERS
+
+    def __getitem__(self, name):
+        if name not in self.made:
+            self.made[name] = MAKERS[name](self)
+        return self.made[name]
+
+    @cached_property
+    def agents(self):
+        return mlivr("agents")
+
+    @cached_property
+    def joints(self):
+        return self["Plan"].motion.joint_positions[0]
+
+    @cached_property
+    def query(self):
+        """Start and goal."""
+        graph, env = self["TwoLimbGraph"], self["MlivrEnv"]
+        return {"start": graph.ids(env.state.stance), "goal": env.goal.tolist()}
+
+    @cached_property
+    def free(self):
+        """The ids of two points that no limb of a robot of three holds at the start."""
+        held = self["three limbs"].stance
+        return [point for k, point in enumerate(self.map.ids) if k not in held][:2]
+
+    def file(self, name):
+        """The path of a file, which is written when it is first asked for."""
+        path = self.folder / name
+        if not path.exists():
+            FILES[name](self, path)
+        return path
+
+    def graph_once(self, *given):
+        """The stance graph of some arguments, made once."""
+        key = given[0].fingerprint, *given[1:]
+        self.graphs[key] = self.graphs.get(key) or stance_graph(*given)
+        return self.graphs[key]
+
+    def put_back(self):
+        """Leave graphs and environments as they were."""
+        for name in ("TwoLimbGraph", "ImplicitGraph"):
+            graph = self.made.get(name)
+            if graph is not None and (graph.obstacles or graph.occupied):
+                graph.remove_obstacles()
+                graph.vacate()
+
+
+def environment(things, kind=MlivrEnv, **options):
+    """An environment at the start of an episode, with a graph that others do not share."""
+    things.graphs.clear()
+    env = kind(map=things.map, **options)
+    things.graphs.clear()
+    env.reset(seed=0)
+    return env
+
+
+def drawn_route(things):
+    return Route.of(things.map, things["Plan"])
+
+
+def walked(things):
+    """A walk in the closed loop that was filmed."""
+    return run_closed_loop(things["TwoLimbGraph"], **things.query, max_steps=1, filmed=True)
+
+
+def mission(things):
+    knots = np.tile(things.joints[0], (2, 1))
+    plan = things["Plan"]
+    bag = Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1))
+    plan = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(bag,)))
+    return CargoMission(
+        0, things["Cargo"], (things["TwoLimbGraph"],) * 2, (plan,) * 2, (knots,) * 3
+    )
+
+
+MAKERS = {
+    "TwoLimbGraph": lambda of: stance_graph(of.map, settings=of.settings),
+    "StanceGraph": lambda of: of["TwoLimbGraph"],
+    "ImplicitGraph": lambda of: stance_graph(of.map, "mlivr3", of.settings),
+    "GraspMap": lambda of: of.map,
+    "RobotSpec": lambda of: of["TwoLimbGraph"].robot,
+    "Settings": lambda of: of.settings,
+    "MlivrEnv": lambda of: environment(of, render_mode="rgb_array", width=32, height=16),
+    "Env": lambda of: of["MlivrEnv"],
+    "StanceGraphEnv": lambda of: of["MlivrEnv"],
+    "ClosedLoopEnv": lambda of: environment(of, ClosedLoopEnv),
+    "UnknownMapEnv": lambda of: environment(of, UnknownMapEnv),
+    "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map, precompute=True)),
+    "ActionMaskObservation": lambda of: ActionMaskObservation(of["MlivrEnv"]),
+    "PointObservation": lambda of: mlivr("agents.features").PointObservation(of["MlivrEnv"]),
+    "Observation": lambda of: of["MlivrEnv"].reset(seed=0)[0],
+    "State": lambda of: of["MlivrEnv"].state,
+    "Successors": lambda of: of["TwoLimbGraph"].successors(of["State"]),
+    "Task": lambda of: Task(of["State"], np.array(of.query["goal"])),
+    "Generator": lambda of: np.random.default_rng(0),
+    "Randomness": lambda of: of["Generator"],
+    "Moves": lambda of: of["MlivrEnv"].moves,
+    "Postures": lambda of: of["TwoLimbGraph"].posture(of["State"].stance),
+    "LayoutTasks": lambda of: mlivr("envs.layout_tasks").LayoutTasks(),
+    "WalkTasks": lambda of: mlivr("envs.tasks").WalkTasks(),
+    "StepReward": lambda of: mlivr("envs.rewards").StepReward(),
+    "BaseReward": lambda of: BaseReward(),
+    "TotalReward": lambda of: TotalReward(BaseReward(), 1.0, False, 0.9, 0.2),
+    "StepOutcome": lambda of: StepOutcome(0.1, 1.0, 0.9, False, True, 0.5),
+    "RandomPolicy": lambda of: of.agents.RandomPolicy(),
+    "Policy": lambda of: of.agents.RandomPolicy(),
+    "ExpertPolicy": lambda of: of.agents.ExpertPolicy(),
+    "LookingPolicy": lambda of: of.agents.LookingPolicy(of["RandomPolicy"]),
+    "ReplanningPolicy": lambda of: of.agents.ReplanningPolicy(),
+    "PlanPolicy": lambda of: of.agents.planner_policy(),
+    "LearnedPolicy": lambda of: mlivr("agents.learned").load_policy("pretrained", of["MlivrEnv"]),
+    "EvaluationTask": lambda of: of.agents.EvaluationTask(**of.query),
+    "Evaluation": lambda of: of.agents.evaluate(of["MlivrEnv"], of["RandomPolicy"], 1, max_steps=2),
+    "HeldOutWorld": lambda of: mlivr("agents.test_set").load_test_set()[0],
+    "ImitationHyperparameters": lambda of: mlivr(
+        "agents.hyperparameters"
+    ).ImitationHyperparameters(),
+    "Planner": lambda of: Planner(of["TwoLimbGraph"]),
+    "PlanningResult": lambda of: of["Planner"].plan(**of.query),
+    "whole plan": lambda of: of["PlanningResult"].unwrap(),
+    "Plan": lambda of: first_steps(of["whole plan"], 1),
+    "Query": lambda of: of["Plan"].query,
+    "World": lambda of: of["Plan"].world,
+    "Motion": lambda of: of["Plan"].motion,
+    "Statistics": lambda of: of["Plan"].statistics,
+    "Step": lambda of: of["Plan"].steps[0],
+    "StepMotion": lambda of: step_motion(of["TwoLimbGraph"], of["Plan"], 0),
+    "CorridorPlan": lambda of: CorridorPlan(of["PlanningResult"], of["TwoLimbGraph"], True),
+    "Cost": lambda of: Cost.named("base"),
+    "CostToGo": lambda of: of["Planner"].cost_to_go(of.query["goal"]),
+    "Goal": lambda of: of["CostToGo"].goal,
+    "Improvement": lambda of: Improvement(0.1, 1.0, 1.0),
+    "Cause": lambda of: Cause((), "nothing"),
+    "AddedPoints": lambda of: AddedPoints(("P",), ("P",), of.map, True),
+    "MoreLimbs": lambda of: MoreLimbs("mlivr3", of.query["start"], "found"),
+    "Change": lambda of: Change("points", ("P",), True),
+    "Reach": lambda of: reach_from(of["TwoLimbGraph"], of.query["start"], 2),
+    "SearchTree": lambda of: SearchTree(),
+    "Trajectory": lambda of: plan_trajectory(of["TwoLimbGraph"], of["Plan"], period=0.1),
+    "Durations": lambda of: Durations(),
+    "segments": lambda of: path_segments(
+        RegraspPath(of["TwoLimbGraph"], planned_regrasp(of["TwoLimbGraph"], of["Plan"], 0))
+    ),
+    "Camera": lambda of: Camera((0.0, 0.0, 0.0)),
+    "Route": drawn_route,
+    "Foothold": lambda of: of["Route"].footholds[0],
+    "Shot": lambda of: Shot(of["Plan"].configuration(0)),
+    "SceneRenderer": lambda of: SceneRenderer(of.map, robot_spec("mlivr2-ur10e"), 32, 16),
+    "Cargo": lambda of: mlivr("robot.cargo").Cargo(1.0, 0.2),
+    "Limb": lambda of: of["RobotSpec"].limb,
+    "SphericalWristLimb": lambda of: robot_spec("mlivr2-iiwa").limb,
+    "LimbDynamics": lambda of: of["RobotSpec"].dynamics_of(0),
+    "Capsule": lambda of: of["RobotSpec"].shapes[0],
+    "Visual": lambda of: Visual("upper_arm", "arm.obj"),
+    "RobotFile": lambda of: read_robot(of.file("robot.urdf"), limbs=2),
+    "Execution": lambda of: execute(of["TwoLimbGraph"], of["Plan"]),
+    "Recording": lambda of: of["Execution"].recording,
+    "Peaks": lambda of: of["Execution"].peaks,
+    "Capture": lambda of: of["Execution"].captures[0],
+    "Failure": lambda of: Failure("time", 1.0, 0, "swing", 0, "too long", {}),
+    "ControllerParameters": lambda of: of["Execution"].controller,
+    "Physics": lambda of: of["Execution"].physics,
+    "Limits": lambda of: mlivr("simulation.limits").Limits(),
+    "DisturbanceRanges": lambda of: DisturbanceRanges(),
+    "Disturbance": lambda of: DisturbanceRanges().draw(
+        0, len(robot_body_ids(of["MjModel"])), 2, len(of.map.ids)
+    ),
+    "Setup": lambda of: Setup(),
+    "Simulation": lambda of: Setup().simulation(of.map, of["RobotSpec"]),
+    "MjModel": lambda of: of["Simulation"].model,
+    "MjData": lambda of: of["Simulation"].data,
+    "StationLoad": lambda of: station_load(of["Recording"]),
+    "RunOutcome": lambda of: next(
+        iter(execute_many(of["TwoLimbGraph"], [of["Plan"]], samples=1, workers=1))
+    ),
+    "Reaction": lambda of: mlivr("fastest").step_reactions(of["TwoLimbGraph"], of["Plan"])[0],
+    "Candidate": lambda of: Candidate(of["Plan"], "base", None, 1.0, 1.0, 1.0),
+    "MissionPart": lambda of: MissionPart("walk", of["Recording"], of["Peaks"], None, 0.0),
+    "CargoMission": mission,
+    "ClosedLoopRecord": walked,
+    "Event": lambda of: Event("end", 0.0, {"outcome": "arrived", "reason": ""}),
+    "Footage": lambda of: Footage(),
+    "CrewMember": lambda of: mlivr("closed_loop.crew").CrewMember((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
+    "Look": lambda of: Look(np.zeros((1, 3)), np.zeros((1, 3))),
+    "DepthCamera": lambda of: DepthCamera(pixels=3),
+    "Belief": lambda of: Belief(of["TwoLimbGraph"], 0.003),
+    "seven joints": lambda of: robot_spec("mlivr2-iiwa"),
+    "three limbs": lambda of: random_state(of["ImplicitGraph"], np.random.default_rng(0)),
+    "spare": lambda of: jem_map().subset(np.arange(331) > 328, "spare"),
+    "Loss": lambda of: Loss("P", ("P",), 1, 1),
+    "StudyDesign": lambda of: StudyDesign("things:row", {"a": (1, 2)}, 1),
+    "RunBlock": lambda of: of["StudyDesign"].blocks[0],
+    "Box": lambda of: Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1)),
+    "Segment": lambda of: of.map.segments[0],
+    "Handrail": lambda of: Handrail("H", "deck", (0.0, 0.0, 0.0), (1.0, 0.1, 0.1)),
+}
+"""How an instance of each class is made, by the name of the class."""
+
+
+def row(task, a):
+    """What a run of a study of this module does."""
+    return {"b": float(task + a)}
+
+
+FILES = {
+    "robot.urdf": lambda of, path: robot_spec("mlivr2-ur10e").to_urdf(path),
+    "robot.xml": lambda of, path: robot_spec("mlivr2-ur10e").to_mjcf(path),
+    "robot.json": lambda of, path: of["RobotSpec"].save(path),
+    "plan.json": lambda of, path: of["whole plan"].save(path),
+    "map.json": lambda of, path: of.map.save(path),
+    "set.json": lambda of, path: path.write_bytes(asset_path("test_set.json").read_bytes()),
+    "boxes.json": lambda of, path: path.write_text(json.dumps({"boxes": [of["Box"].to_dict()]})),
+    "points.csv": lambda of, path: path.write_text(
+        "id,x,y,z,nx,ny,nz,rx,ry,rz\nP,0,0,0,0,0,1,1,0,0\n"
+    ),
+    "mesh.obj": lambda of, path: path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    "study.toml": lambda of, path: path.write_text('kind = "plan"\ntasks = 1\n'),
+    "study": lambda of, path: run_study(of["StudyDesign"], path, ThreadPoolExecutor(1)),
+}
+"""How a file of each kind is written, by its name."""
