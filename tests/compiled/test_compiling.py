@@ -109,7 +109,7 @@ def test_machine_code_that_others_may_change_is_not_used(package, tmp_path, plac
 
 
 def test_a_folder_in_which_all_may_make_files_is_for_own_folders_alone(tmp_path, monkeypatch):
-    """In one like `/tmp`, others cannot replace a folder, but machine code in it could be theirs."""
+    """In one like `/tmp`, nobody replaces a folder of others, but files in it may be theirs."""
     monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
     folder = cache.kernel_root() / "0123456789abcdef"
     cache.make_private(folder)
