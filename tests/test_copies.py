@@ -36,7 +36,7 @@ SCREEN = {"SceneWindow"}
 
 ELSEWHERE = {
     "Imitation", "LearnedPolicy", "PointObservation", "TableFeatures", "TableVecEnv", "RecordVideo",
-    "SensingRobot", "Belief", "StanceGraphEnv",
+    "SensingRobot", "StanceGraphEnv",
 }  # fmt: skip
 """What needs torch or a folder, is part of a `ClosedLoopEnv`, or the base of environments."""
 

@@ -37,3 +37,5 @@ def test_no_error_passes_control_characters_on():
             assert str(pickle.loads(pickle.dumps(error))) == str(error)
     assert {MapError, UnknownPointError} <= seen
     assert str(UnknownPointError("x", [foreign])).isprintable()
+    for code in [*range(32), *range(127, 160), 0x202E, 0x2028, 0xFEFF]:  # each alone
+        assert str(MlivrError(f"file {chr(code)} of another")).isprintable()

@@ -87,6 +87,16 @@ def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path, mode):
     assert stat.S_IMODE(path.stat().st_mode) == mode
 
 
+def test_a_file_that_is_replaced_keeps_its_owner(tmp_path, monkeypatch):
+    """Root may write a file of another user, who then still has to be able to read it."""
+    path, given = tmp_path / "file", []
+    path.write_text("old")
+    known = path.stat()
+    monkeypatch.setattr("mlivr_gym.files.os.chown", lambda _, *ids: given.append(ids))
+    write_whole(path, "new")
+    assert given == [(known.st_uid, known.st_gid)]
+
+
 def test_a_private_file_is_private_at_every_moment(tmp_path, monkeypatch):
     path, seen = tmp_path / "file", []
     path.write_text("old")

@@ -9,8 +9,8 @@ from machine import MAY_BE_MISSING, WORKER, available_memory, missing_package, w
 
 ROOT = Path(__file__).parent.parent
 
-COLLECT = """
-import sys, pytest
+WITHOUT = """
+import sys
 from importlib.machinery import PathFinder
 
 class Others(PathFinder):
@@ -19,13 +19,37 @@ class Others(PathFinder):
         return None if name in {names} else super().find_spec(name, *given)
 
 sys.meta_path[sys.meta_path.index(PathFinder)] = Others
+"""
+"""Hides packages."""
+
+COLLECT = """
+import pytest
 sys.exit(pytest.main(["tests", "--collect-only", "-qrs", "-p", "no:cacheprovider"]))
 """
+
+IMPORT = """
+import importlib, pkgutil, mlivr_gym
+for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
+    try:
+        importlib.import_module(module.name)
+    except ImportError:
+        print(module.name)
+"""
+
+NEED_EXTRAS = ("mlivr_gym.agents.", "mlivr_gym.viewer.", "mlivr_gym.envs.dm_env")
+"""What cannot be imported without an extra; all else says in words what is missing, when used."""
+
+
+def test_whatever_does_not_need_an_extra_is_imported_without_any():
+    code = WITHOUT.format(names=sorted(MAY_BE_MISSING)) + IMPORT
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout
+    assert [name for name in done.stdout.split() if not name.startswith(NEED_EXTRAS)] == []
 
 
 def test_files_that_need_no_missing_package_are_collected():
     """With no package of any extra; the files that import one are skipped, with its name."""
-    code = COLLECT.format(names=sorted(MAY_BE_MISSING))
+    code = WITHOUT.format(names=sorted(MAY_BE_MISSING)) + COLLECT
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False
     )

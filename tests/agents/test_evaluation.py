@@ -61,6 +61,12 @@ def test_an_invalid_action_is_no_success(env):
     assert np.isnan(result.executed).all()
 
 
+@pytest.mark.parametrize("episodes", [0, -1, []])
+def test_no_episode_is_refused(env, episodes):
+    with pytest.raises(SettingError, match="episodes"):
+        evaluate(env, RandomPolicy(0), episodes)
+
+
 def test_an_environment_inside_wrappers_is_refused(small_map):
     wrapped = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False)
     with pytest.raises(SettingError, match=r"env is <.*; it must be a MlivrEnv without wrappers"):
@@ -185,3 +191,10 @@ def test_bootstrap_interval_of_a_mean():
         values = rng.normal(5.0, 2.0, 400)
         ends.append((np.array(bootstrap(values)) - values.mean()) / (values.std() / 20.0))
     np.testing.assert_allclose(np.mean(ends, axis=0), [-1.96, 1.96], rtol=0.04)
+
+
+@pytest.mark.parametrize("odd", [0, 4, 9])
+def test_every_value_counts_for_the_interval_of_a_mean(odd):
+    """One success of ten, wherever it is: of ten draws with replacement, 0 to 3 are that one."""
+    assert bootstrap(np.arange(10) == odd) == pytest.approx((0.0, 0.3))
+    assert bootstrap(np.array([2.5])) == (2.5, 2.5)

@@ -39,6 +39,14 @@ def test_an_interruption_stays_one_whatever_a_library_makes_of_it():
         raise RuntimeError
 
 
+def test_what_handles_interruptions_is_taken_away_at_the_end():
+    """A program that calls the command, or another test, keeps its own hook and handler."""
+    before = sys.unraisablehook, signal.getsignal(signal.SIGINT)
+    with handle_interrupts():
+        assert sys.unraisablehook is not before[0]
+    assert (sys.unraisablehook, signal.getsignal(signal.SIGINT)) == before
+
+
 def test_other_threads_and_ignored_signals_are_left_alone():
     def inside():
         with handle_interrupts():

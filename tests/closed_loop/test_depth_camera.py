@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Box
 from mlivr_gym.closed_loop.depth_camera import (
     CORNERS,
+    FIELDS,
     GRIPPER_AXES,
     LENS_OFFSET,
     SIDES,
@@ -218,6 +219,11 @@ def test_the_outermost_pixels_lie_half_a_pixel_within_the_field_of_view(field_of
     centres = np.tan(0.5 * field_of_view) * (np.arange(20) - 9.5) / 10.0
     for places in (side, up):
         np.testing.assert_allclose(np.sort(places), np.repeat(centres, 20), atol=1e-12)
+
+
+def test_looks_in_turn_read_out_each_pixel_once():
+    read = np.concatenate([np.arange(25)[pixels] for pixels in FIELDS])
+    assert sorted(read.tolist()) == list(range(25))
 
 
 def test_axes_along_z_give_no_image():

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
@@ -49,7 +50,8 @@ def test_what_a_killed_process_compiled_is_not_compiled_again(package, tmp_path)
     assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
 
 
-def test_processes_that_store_at_once_lose_nothing(tmp_path):
+@pytest.mark.filterwarnings("ignore:.*fork")
+def test_threads_and_processes_that_store_at_once_lose_nothing(tmp_path):
     """Numba reads the list of what is stored, adds to it and writes it back."""
     (tmp_path / "count").write_text("0")
 
@@ -69,7 +71,16 @@ def test_processes_that_store_at_once_lose_nothing(tmp_path):
         thread.start()
     for thread in threads:
         thread.join()
-    assert (tmp_path / "count").read_text() == "8"
+    children = []
+    for _ in range(8):
+        children.append(os.fork())
+        if children[-1] == 0:
+            with suppress(Exception):
+                store()
+            os._exit(0)
+    for child in children:
+        os.waitpid(child, 0)
+    assert (tmp_path / "count").read_text() == "16"
 
 
 LOOK = """
@@ -95,6 +106,17 @@ def test_machine_code_that_others_may_change_is_not_used(package, tmp_path, plac
     assert "other users" in warned
     opened.chmod(0o755)
     assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "1"
+
+
+def test_a_folder_in_which_all_may_make_files_is_for_own_folders_alone(tmp_path, monkeypatch):
+    """In one like `/tmp`, nobody replaces a folder of others, but files in it may be theirs."""
+    monkeypatch.setenv(cache.CACHE_VARIABLE, str(tmp_path))
+    folder = cache.kernel_root() / "0123456789abcdef"
+    cache.make_private(folder)
+    tmp_path.chmod(0o1777)
+    assert cache.writable_by_others(folder) is None
+    folder.chmod(0o1777)
+    assert cache.writable_by_others(folder) == folder
 
 
 def test_a_folder_of_another_user_is_not_used(tmp_path, monkeypatch):
@@ -173,6 +195,16 @@ def test_what_other_packages_compile_and_what_takes_no_time_is_not_told(compilat
         assert found.text == ("compiling short" if name == "short" else "")
         found.on_end(of(name, module))
     assert stream.getvalue() == ""
+
+
+def test_many_short_compilations_are_told_once_together_they_take_time(compilation):
+    found, clock, stream = compilation
+    for k in range(7):
+        found.on_start(of("short"))
+        clock[0] += 0.1
+        found.on_end(of("short"))
+        clock[0] += 60.0  # in which nothing is compiled
+        assert ("mlivr-gym: compiling" in stream.getvalue()) == (k >= 4)
 
 
 def test_a_line_of_progress_tells_it_instead_where_there_is_one(compilation, monkeypatch):

@@ -11,6 +11,7 @@ from paper import NO_COLLISIONS
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.planners import Planner
+from mlivr_gym.planners.clock import Clock, OutOfTime
 from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
@@ -39,6 +40,14 @@ def by_pairs(graph, goal):
 
 def by_sets(graph, goal):
     return SetBounds(graph, graph.sets(), goal)
+
+
+def test_no_moves_are_counted_after_the_deadline():
+    """On a large map it takes long: the clock is read before each round."""
+    graph = stance_graph(few_of_a_wall(16), "mlivr4", NO_COLLISIONS)
+    goal = Goal.from_arguments(graph, graph.grasp_map.cabin.mean(axis=0), "steps", None, 0.2)
+    with pytest.raises(OutOfTime):
+        MoveBounds(graph, goal, Clock(0.0))
 
 
 @pytest.mark.parametrize("bounds", [by_pairs, by_sets])

@@ -134,6 +134,16 @@ def test_a_start_that_cannot_be_held_is_an_error(small_checked_graph):
         Planner(graph).why_not((0, len(graph.grasp_map) - 1), graph.grasp_map.cabin.mean(axis=0))
 
 
+def test_the_start_is_the_one_with_its_pose_and_joints(small_checked_graph):
+    """Those that do not hold the points are refused, as for a plan."""
+    graph = small_checked_graph
+    start, goal = graph.ids(graph.points[0]), graph.base_position[-1]
+    pose, joints = [*graph.base_position[0] + 0.5, 1.0, 0.0, 0.0, 0.0], np.zeros((2, 6))
+    for more in ({"start_pose": pose}, {"start_joints": joints}):
+        with pytest.raises(StanceError):
+            Planner(graph).why_not(start, goal, **more)
+
+
 def test_the_command_tells_the_cause(capsys):
     assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
     assert "the nearest is" in capsys.readouterr().err

@@ -128,6 +128,15 @@ def test_a_wrong_mass_is_named(walked, mass):
         station_load(walked.recording, mass)
 
 
+def test_the_band_that_comes_nearest_to_its_limit_decides():
+    """It is not the one that shakes most, where more is allowed."""
+    load = station_load(replace(resting(2), times=np.array([0.0, 0.1])))
+    frequencies, allowed = np.array([0.1, 1.0, 10.0]), np.array([1.8e-6, 1.8e-5, 1.8e-4])
+    for shares in ([0.5, 0.1, 0.2], [0.1, 0.7, 0.3], [0.2, 0.1, 0.9]):
+        found = replace(load, frequencies=frequencies, accelerations=allowed * shares)
+        assert found.largest_ratio == pytest.approx(max(shares))
+
+
 def test_a_heavier_station_shakes_less(walked):
     light, heavy = (station_load(walked.recording, mass) for mass in (1e5, 4e5))
     assert light.largest_ratio == pytest.approx(4.0 * heavy.largest_ratio)

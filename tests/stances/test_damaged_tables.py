@@ -186,6 +186,19 @@ def test_a_mapped_table_is_checked_once_and_again_when_its_time_differs(known, c
     assert path.with_name(path.name + CHECKED) in {one.path for one in cached_files()}
 
 
+def test_a_table_whose_size_alone_differs_is_checked_again(known, cache):
+    """As where it was cut off, and its time was put back."""
+    path, (graph, table) = unpacked(known), known
+    found(graph)
+    content, state = path.read_bytes(), path.stat()
+    path.write_bytes(content + bytes(64))
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns))
+    checked = path.with_name(path.name + CHECKED)
+    before = checked.read_bytes()
+    assert is_close(found(graph), table)
+    assert checked.read_bytes() != before
+
+
 def test_a_table_is_on_the_disk_before_it_has_its_name(known, cache, monkeypatch):
     """As a power cut would show: the content first, then the name, then the folder's entry."""
     events = []

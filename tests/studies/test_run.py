@@ -253,6 +253,9 @@ def test_dask_opens_no_door_to_other_machines():
     before = listening()
     with executor_of("dask", 1, notify=told.append) as executor:
         assert executor.submit(abs, -1).result() == 1
+        # Ctrl-C ends the command, which ends its workers: they print nothing.
+        blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+        assert signal.SIGINT in blocked
         opened = listening() - before
     assert len(opened) >= 3
     assert {address.ip for address in opened} == {"127.0.0.1"}

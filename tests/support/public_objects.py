@@ -22,6 +22,7 @@ from mlivr_gym.agents import (
     baseline_policy,
     planner_policy,
 )
+from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.planners import Planner
@@ -35,6 +36,8 @@ REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
 
 START, TARGET = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 BOX = Box.between("box", "obstacle", (3.0, -0.5, -0.2), (3.3, -0.2, 0.1))
+IN_VIEW = Box.between("box", "obstacle", (1.0, -0.3, 0.2), (1.4, 0.3, 0.6))
+"""In the picture of the ladder."""
 LOOP = "MLIVR-JEM-ClosedLoop-v0"
 GOAL = Goal(np.array(TARGET), 0.2, Cost.named("base"))
 
@@ -255,6 +258,13 @@ def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
     return Case(begun, lambda _: None, lambda one: act(one, then))
 
 
+def refused(belief):
+    """What a belief holds against points before another one is refused."""
+    before = sorted(belief.refused), sorted(belief.graph.occupied)
+    belief.refuse(len(before[0]))
+    return before
+
+
 def picture(renderer):
     graph = stance_graph(LADDER)
     state = graph.state(tuple(graph.points[0].tolist()))
@@ -291,8 +301,11 @@ CASES = {
     "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, 1, boxes=0, plates=0, camera=None),
     "PlanPolicy": policy(planner_policy),
     "with a baseline": policy(lambda: baseline_policy("local")),
+    "Belief": Case(lambda: Belief(stance_graph(LADDER), 0.003), lambda b: b.boxes(), refused),
     "SceneRenderer": Case(
-        lambda: SceneRenderer(stance_graph(LADDER).grasp_map, stance_graph(LADDER).robot, 64, 48),
+        lambda: SceneRenderer(
+            stance_graph(LADDER).grasp_map, stance_graph(LADDER).robot, 64, 48, [IN_VIEW], True
+        ),
         picture, picture,
     ),
 }  # fmt: skip
