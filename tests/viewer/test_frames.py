@@ -8,6 +8,7 @@ from fuzz import loaded
 from plans import first_steps
 
 from mlivr_gym.errors import PlanError
+from mlivr_gym.files import FileError
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.viewer.frames import (
     AT_REST,
@@ -46,6 +47,13 @@ def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, m
 @pytest.fixture(scope="module")
 def execution(checked_graph, walk):
     return execute(checked_graph, first_steps(walk, 1))
+
+
+def test_recording_and_summary_are_saved_together_or_not_at_all(execution, tmp_path):
+    (tmp_path / "simulation.json").mkdir()
+    with pytest.raises(FileError, match="cannot write"):
+        execution.save(tmp_path / "simulation.npz")
+    assert not (tmp_path / "simulation.npz").exists()
 
 
 def test_an_execution_is_played_as_it_was_recorded(execution, tmp_path):
