@@ -58,14 +58,14 @@ STEM = Reader(_stem)
 """Validator of the path of a checkpoint to be written."""
 
 
-def _plain(value: Any, place: FieldPath) -> dict[str, Any]:
+def _plain(value: object, place: FieldPath) -> dict[str, Any]:
     """Return a configuration that JSON can hold."""
+    found: dict[str, Any] = InstanceOf(dict).read(value, place)
     try:
-        json.dumps(value, sort_keys=True)
+        json.dumps({**found, "": None}, sort_keys=True)  # names that are no text have no order
     except (TypeError, ValueError, RecursionError):
         raise place.refused(value, "an object of plain data, with names") from None
-    found: dict[str, Any] = InstanceOf(dict).read(value, place)
-    return Fields({}, others=True).read(found, place)
+    return found
 
 
 PLAIN = Reader(_plain)

@@ -63,13 +63,13 @@ ALSO = {
     "stances": ("stance",),
     "state": ("before",),
     "present": ("base position", "base quaternion", "joint angles", "configuration"),
-    "path": ("cannot write", "cannot read", "file", "mesh", "obstacles", "plan"),
+    "path": ("cannot write", "cannot read", "file", "mesh", "obstacles", "plan", "hyperparameters"),
 }
 """What messages call some arguments besides their names."""
 
 COMMON = (
     "graspable point", "stance", "obstacle", "checkpoint", "found on map", "policy",
-    "needs a screen", "cannot hold it",
+    "needs a screen", "cannot hold it", "cannot write", "exists already",
 )  # fmt: skip
 """What messages about what an argument names call it."""
 
