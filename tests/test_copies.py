@@ -13,7 +13,7 @@ import pytest
 from fuzz import few
 from hypothesis import given
 from hypothesis import strategies as st
-from public_objects import CASES, GOAL, START, TARGET, collect, public_classes, same
+from public_objects import CASES, GOAL, START, TARGET, asked, collect, public_classes, same
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.agents import evaluate
@@ -68,11 +68,6 @@ def test_an_object_answers_in_a_spawned_process_as_here():
         jobs = {name: pool.submit(asked, name, one) for name, one in sent.items()}
         for name, job in jobs.items():
             assert same(job.result(), truth(name)), name
-
-
-def asked(name, one):
-    """The answer of an object in this process."""
-    return CASES[name].ask(one)
 
 
 POINTS = st.sampled_from(["D2b:6", "D3a:3", "D3b:7", "D2a:3"])

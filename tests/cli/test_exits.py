@@ -75,7 +75,9 @@ def test_too_little_memory_is_said_in_one_line():
     query = ["plan", "--start", "D2a:4", "D2b:4", "--goal", "6", "0", "0.42"]
     done = subprocess.run([sys.executable, "-c", limited, *query], capture_output=True, text=True)
     assert done.returncode == FAILED
-    (line,) = done.stderr.splitlines()
+    # Libraries in C may print lines of their own when they can start no threads.
+    assert "Traceback" not in done.stderr, done.stderr
+    (line,) = (one for one in done.stderr.splitlines() if one.startswith("mlivr-gym"))
     assert line.startswith("mlivr-gym: the memory that this process may use is not enough")
 
 
