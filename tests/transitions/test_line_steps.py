@@ -57,7 +57,7 @@ def random_steps(graph, seed, count):
 def test_holds_that_an_edge_keeps_are_those_of_the_plain_definition(small_checked_graph):
     """Of every second step the limb that moves has no fold at both stances."""
     kinds = Counter()
-    for n, (rng, limb, _, stances) in enumerate(random_steps(small_checked_graph, 0, 40)):
+    for n, (rng, limb, _, stances) in enumerate(random_steps(small_checked_graph, 0, 24)):
         wanted = int(rng.integers(1, ALL + 1))
         if n % 2:
             stances.releases["folds"] = 0
