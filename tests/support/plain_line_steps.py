@@ -4,19 +4,17 @@ Whether one line is clear is asked of `intervals.check_line`, which is compared 
 lines there are, and which holds an edge keeps, is said here with sets and loops.
 """
 
-from functools import cmp_to_key
-
 import numpy as np
 from compiled import called
 from joint_lines import line_scratch
-from plain_checks import branches, line_end, members
+from plain_checks import branches, members
+from plain_steps import swing_lines
 
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import check_line
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.robot.link_frames import link_frames, rigid
 from mlivr_gym.transitions.line_steps import ON_LINE, OTHER_FOLD, PLACES
-from mlivr_gym.transitions.swing_lines import TIE, TRIES
 
 TURN = 2.0 * np.pi
 
@@ -82,18 +80,9 @@ class PlainLineStep:
         boxes, clearance = plain.checks.solver.boxes, float(plain.limits["clearance"])
         return called(check_line)(plain.robot, boxes, clearance, scratch) == CLEAR
 
-    def swing_lines(self, first, last):
-        """The lines that are tried, the shortest first: branches before and after, and ends."""
-        plain, limb = self.plain, self.limb
-        starts = plain.above(self.before, limb, first.pairs)
-        ends = plain.above(self.after, limb, last.pairs)
-        pairs = [(b0, b1) for b0 in starts for b1 in ends]
-        here, there = (plain.grasp(s, limb)["point"] for s in (self.before, self.after))
-        if there.round(6).tolist() < here.round(6).tolist():
-            pairs = [(b0, b1) for b1 in ends for b0 in starts]
-        lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0, b1 in pairs]
-        lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
-        return [(b0, b1, np.array([starts[b0], end])) for b0, b1, end, _ in lines[:TRIES]]
+    def lines(self, first, last):
+        """The lines that are tried, see `plain_steps.swing_lines`."""
+        return swing_lines(self.plain, self.limb, (self.before, self.after), first, last)
 
     def check(self, wanted, first, last):
         """Kept pairs of branch and flip with the codes of their swings, and the branches of a line.
@@ -117,8 +106,8 @@ class PlainLineStep:
                     break
             else:
                 rest.append((branch, flip, line))
-        for b0, b1, swing in self.swing_lines(first, last) if rest else ():
-            served = [(b, f) for b, f, line in rest if self.is_clear(line, f, swing)]
+        for b0, b1, *swing in self.lines(first, last) if rest else ():
+            served = [(b, f) for b, f, line in rest if self.is_clear(line, f, np.array(swing))]
             if served:
                 kept |= dict.fromkeys(served, ON_LINE)
                 shared = 8 * b0 + b1

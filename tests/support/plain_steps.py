@@ -137,18 +137,8 @@ class PlainStep:
         )
 
     def lines(self, first, last):
-        """The lines that are tried, the shortest first: branches before and after, and ends."""
-        plain, limb = self.plain, self.limb
-        starts = plain.above(self.before, limb, first.pairs)
-        ends = plain.above(self.after, limb, last.pairs)
-        pairs = [(b0, b1) for b0 in starts for b1 in ends]
-        here, there = (plain.grasp(s, limb)["point"] for s in (self.before, self.after))
-        if there.round(6).tolist() < here.round(6).tolist():
-            # Of lines of equal length the step back takes the same.
-            pairs = [(b0, b1) for b1 in ends for b0 in starts]
-        lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0, b1 in pairs]
-        lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
-        return [(b0, b1, starts[b0], end) for b0, b1, end, _ in lines[:TRIES]]
+        """The lines that are tried, see `swing_lines`."""
+        return swing_lines(self.plain, self.limb, (self.before, self.after), first, last)
 
     def on_lines(self, first, last):
         """Keep what can hold while the other limb swings along the shortest line that is free."""
@@ -264,3 +254,19 @@ class PlainStep:
         chosen = branches(out[j])[0]
         out[j] = on(out[j], {chosen})
         out[i] = {(b, flip) for b, flip in out[i] if (b, chosen) not in meets}
+
+
+def swing_lines(plain, limb, stances, first, last):
+    """The lines that are tried, the shortest first: branches before and after, and ends."""
+    starts, ends = (
+        plain.above(s, limb, release.pairs)
+        for s, release in zip(stances, (first, last), strict=True)
+    )
+    pairs = [(b0, b1) for b0 in starts for b1 in ends]
+    here, there = (plain.grasp(s, limb)["point"] for s in stances)
+    if there.round(6).tolist() < here.round(6).tolist():
+        # Of lines of equal length the step back takes the same.
+        pairs = [(b0, b1) for b1 in ends for b0 in starts]
+    lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0, b1 in pairs]
+    lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
+    return [(b0, b1, starts[b0], end) for b0, b1, end, _ in lines[:TRIES]]
