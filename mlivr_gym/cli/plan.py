@@ -92,7 +92,7 @@ def run(args: argparse.Namespace) -> None:
             print(f"picture: {pictures[0]}, {pictures[1]}")
 
 
-STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "path", "swing")
+STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "swing")
 """Fields of a step that `--json` prints."""
 
 
@@ -252,7 +252,7 @@ def print_plan(
     for k, step in enumerate(plan.steps, 1):
         print(
             f"  {k:2d}. limb {step.limb}: {step.from_point:>6} -> {step.to_point:<6} "
-            f"base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
+            f"base {step.displacement:.3f} m, swing {step.swing}"
         )
     bound = plan.statistics.bound
     if bound is not None and (graph.limbs > 2 or bound > 1.0):

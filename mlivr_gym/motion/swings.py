@@ -17,13 +17,15 @@ them, so each edge of the graph has a swing; should none be found, the planner r
 turns while the base moves, which moves none of the limb's collision shapes.
 
 Each line is checked as a whole, see `collisions.sweep`, and so is the curve that rounds a corner,
-see `motion.rounded_lines`. Of several roundings the largest that keeps the clearance is taken; at a
-corner without one the robot stops.
+see `RoundedLines`. Of several roundings the largest that keeps the clearance is taken; at a corner
+without one the robot stops.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -33,7 +35,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.motion.regrasp import Regrasp
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
 from mlivr_gym.transitions.edge import Edge
@@ -48,6 +50,9 @@ does not slow down would load its grasps more than one that stops."""
 
 SHORTEST_LINE = 1e-3
 """Corners next to a line with less joint travel are not rounded [rad]."""
+
+SAME_KNOT = 1e-9
+"""Knots that differ by less are equal [1, rad]."""
 
 
 class Swing(NamedTuple):
@@ -81,14 +86,14 @@ class SwingFinder:
         self._curves["path"], self._curves["limb"] = path, limb
 
     @classmethod
-    def of(cls, graph: StanceGraph, regrasp: Regrasp) -> SwingFinder:
-        """Prepare the step of `regrasp`; a swing that it may already have is ignored."""
+    def of(cls, graph: StanceGraph, ends: StepEnds, path: BasePath) -> SwingFinder:
+        """Prepare the step with given ends while the base follows `path`."""
         supports = [
-            SupportLimb(limb, point, regrasp.branches[limb])
-            for limb, point in enumerate(regrasp.after)
-            if limb != regrasp.limb
+            SupportLimb(limb, point, ends.branches[limb])
+            for limb, point in enumerate(ends.after)
+            if limb != ends.limb
         ]
-        return cls(graph, regrasp.limb, regrasp.base_path, supports)
+        return cls(graph, ends.limb, path, supports)
 
     def swings(
         self, start: Array, end: Array, points: tuple[int, int], edge: Edge
@@ -204,6 +209,86 @@ class SwingFinder:
             self._curves, self._rows, self._robots, self._world, self._scratch
         )
         return bool(clear)
+
+
+@dataclass(frozen=True)
+class RoundedLines:
+    """Lines with rounded corners between two points of rest.
+
+    The rounding of a corner replaces a fraction `before` of the line to it, W, and a fraction
+    `after` of the line from it, V:
+
+        x(t) = corner - before W f(1 - t) + after V f(t),   f(t) = t^3 (2 - t),   t from 0 to 1
+
+    The curve stays in the triangle of the corner and its two end points. Its first and second
+    derivatives agree with those of the lines, if the path parameter sigma is distributed over the
+    lines so that `2 before W` and `2 after V` are the derivatives by t on either side.
+    `collisions.sweep` checks the same curve as a whole.
+    """
+
+    knots: Array
+    """Base parameter and joint angles at each knot, shape (k, 7), with k at least 2."""
+    corners: Array
+    """Fractions of the lines before and after each inner knot that its rounding replaces, shape (k
+    - 2, 2), positive."""
+
+    @cached_property
+    def knot_sigmas(self) -> Array:
+        """Values of sigma at which the knots would be passed without rounding, shape (k,)."""
+        longer = np.cumprod(self.corners[:, 0] / self.corners[:, 1])
+        knot_sigmas = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
+        sigmas: Array = knot_sigmas / knot_sigmas[-1]
+        return sigmas
+
+    @property
+    def _halves(self) -> Array:
+        """Half the length of each rounded corner in sigma, shape (k - 2,)."""
+        halves: Array = self.corners[:, 0] * np.diff(self.knot_sigmas)[:-1]
+        return halves
+
+    @property
+    def breaks(self) -> Array:
+        """Values of sigma at which lines and corners end, from 0 to 1."""
+        inner = self.knot_sigmas[1:-1, None] + self._halves[:, None] * [-1.0, 0.0, 1.0]
+        # Where a corner takes all that another one leaves of a line, nothing is between them.
+        breaks = np.unique(np.concatenate([[0.0, 1.0], inner.ravel().clip(0.0, 1.0)]))
+        kept: Array = breaks[np.append(np.diff(breaks) > SAME_KNOT, True)]
+        kept[0] = 0.0
+        return kept
+
+    def at(self, sigma: Array) -> Array:
+        """Return base parameter and joint angles at n values of sigma, shape (n, 7)."""
+        knot_sigmas, knots = self.knot_sigmas, self.knots
+        values: Array = np.column_stack(
+            [np.interp(sigma, knot_sigmas, column) for column in knots.T]
+        )
+        for k, half in enumerate(self._halves.tolist(), 1):
+            here = np.abs(sigma - knot_sigmas[k]) < half
+            t = 0.5 + 0.5 * (sigma[here, None] - knot_sigmas[k]) / half
+            into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
+            before, after = self.corners[k - 1]
+            values[here] = knots[k] - before * into * ease(1.0 - t) + after * out * ease(t)
+        return values
+
+
+def ease(t: Array) -> Array:
+    """Return `t^3 (2 - t)`, from 0 at rest to 1 with velocity 2, both without acceleration."""
+    return t**3 * (2.0 - t)
+
+
+def rounded_parts(knots: Array, corners: Array) -> list[RoundedLines]:
+    """Return the parts of a swing between its points of rest.
+
+    Knots have shape (k, 7), and corners as `SwingFinder.round_corners` returns them shape (k, 2); a
+    robot stops at one that is not rounded.
+    """
+    distinct = np.abs(np.diff(knots, axis=0, prepend=np.inf)).max(axis=1) > SAME_KNOT
+    knots, corners = knots[distinct], corners[distinct]
+    stops = np.flatnonzero((corners == 0.0).any(axis=1))
+    return [
+        RoundedLines(knots[first : last + 1], corners[first + 1 : last])
+        for first, last in pairwise(stops.tolist())
+    ]
 
 
 def _knot(s: float, joints: Array, tool: Array | None = None) -> Array:

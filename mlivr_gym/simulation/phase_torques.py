@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import BoolArray
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.simulation.recording import Capture, Recording
 
 CAPTURE = "capture"

@@ -117,7 +117,7 @@ def test_every_altered_number_is_refused(jem, request, name):
     by_checksum = set()
     for path, value in some_leaves(data, rng):
         other = value + 1 if isinstance(value, int) else value + rng.choice([-1, 1]) * 1e-3
-        other = abs(other) if path[-1] in SPENT or "rounded" in path else other
+        other = abs(other) if path[-1] in SPENT else other
         other = value + 1e-3 if path[-1] == "bound" else other  # none is less than 1
         changed, field = altered(data, path, other), field_of(path)
         try:
@@ -130,8 +130,11 @@ def test_every_altered_number_is_refused(jem, request, name):
             shown = numbers_in(message)
             if field == "motion.base_quaternions":
                 continue  # of a row without length 1
+            if field == "motion.steps.knots" and "off their points" in message:
+                continue  # by so much that a gripper slips
             assert min(abs(n - other) for n in shown) < 1e-12, message
-            if field not in ("query.regrasp_price", "motion.steps.limb"):  # another follows
+            # Of these another follows.
+            if field not in ("query.regrasp_price", "motion.steps.limb", "motion.steps.leader"):
                 assert min(abs(n - value) for n in shown) < 1e-6, message
         else:
             assert field.startswith(TOLD), field

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from plans import first_steps
 
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.simulation.controller import CONTROLLERS
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
