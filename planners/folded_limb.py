@@ -22,8 +22,8 @@ from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
 from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.swings import SupportLimb, SwingFinder
+from mlivr_gym.planners.rrt_connect import connected
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
