@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,15 +50,13 @@ JointCurve = Callable[[Array], Array]
 """Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
 
-class SwingPart(Protocol):
+class SwingPart(NamedTuple):
     """Part of a swing between two points of rest."""
 
-    @property
-    def breaks(self) -> Array:
-        """Path parameters between which it is smooth, from 0 to 1."""
-
-    def at(self, sigma: Array) -> Array:
-        """Return base parameter and joint angles of the moving limb, shape (k, 7)."""
+    breaks: Array
+    """Path parameters between which it is smooth, from 0 to 1."""
+    at: Callable[[Array], Array]
+    """Base parameter and joint angles of the moving limb, shape (k, 7), at path parameters (k,)."""
 
 
 def joint_path_along(

@@ -36,8 +36,12 @@ singularity joint angles and manipulability change by the square root of that, 1
 SAME_POSE = 1e-9
 """Base poses that deviate less from the posture of the stance are equal to it [m, rad]."""
 
-WINDOW_TOLERANCE = 1e-5
-"""Largest angle by which a joint may be outside its window at a knot [rad]."""
+WINDOW_TOLERANCE = 0.1
+"""Largest angle by which a joint may be outside its window at a knot [rad].
+
+Between the samples of `kinematics.holding` joints of support limbs may pass their windows by so
+much.
+"""
 
 FLIP = np.diag([-1.0, -1.0, 1.0])
 """Half a turn of a tool about its axis, the symmetry of a grasp."""

@@ -17,15 +17,13 @@ them, so each edge of the graph has a swing; should none be found, the planner r
 turns while the base moves, which moves none of the limb's collision shapes.
 
 Each line is checked as a whole, see `collisions.sweep`, and so is the curve that rounds a corner,
-see `RoundedLines`. Of several roundings the largest that keeps the clearance is taken; at a corner
+see `rounded_lines`. Of several roundings the largest that keeps the clearance is taken; at a corner
 without one the robot stops.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -35,6 +33,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.motion.knots import SwingPart
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
@@ -211,64 +210,40 @@ class SwingFinder:
         return bool(clear)
 
 
-@dataclass(frozen=True)
-class RoundedLines:
-    """Lines with rounded corners between two points of rest.
+def rounded_lines(knots: Array, corners: Array) -> SwingPart:
+    """Return lines between knots (k, 7) with rounded corners at the inner ones.
 
     The rounding of a corner replaces a fraction `before` of the line to it, W, and a fraction
-    `after` of the line from it, V:
+    `after` of the line from it, V; corners have shape (k - 2, 2):
 
         x(t) = corner - before W f(1 - t) + after V f(t),   f(t) = t^3 (2 - t),   t from 0 to 1
 
     The curve stays in the triangle of the corner and its two end points. Its first and second
-    derivatives agree with those of the lines, if the path parameter sigma is distributed over the
+    derivatives agree with those of the lines, since the path parameter is distributed over the
     lines so that `2 before W` and `2 after V` are the derivatives by t on either side.
     `collisions.sweep` checks the same curve as a whole.
     """
+    longer = np.cumprod(corners[:, 0] / corners[:, 1])
+    places = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
+    places /= places[-1]
+    halves = corners[:, 0] * np.diff(places)[:-1]
 
-    knots: Array
-    """Base parameter and joint angles at each knot, shape (k, 7), with k at least 2."""
-    corners: Array
-    """Fractions of the lines before and after each inner knot that its rounding replaces, shape (k
-    - 2, 2), positive."""
-
-    @cached_property
-    def knot_sigmas(self) -> Array:
-        """Values of sigma at which the knots would be passed without rounding, shape (k,)."""
-        longer = np.cumprod(self.corners[:, 0] / self.corners[:, 1])
-        knot_sigmas = np.cumsum(np.concatenate([[0.0, 1.0], longer]))
-        sigmas: Array = knot_sigmas / knot_sigmas[-1]
-        return sigmas
-
-    @property
-    def _halves(self) -> Array:
-        """Half the length of each rounded corner in sigma, shape (k - 2,)."""
-        halves: Array = self.corners[:, 0] * np.diff(self.knot_sigmas)[:-1]
-        return halves
-
-    @property
-    def breaks(self) -> Array:
-        """Values of sigma at which lines and corners end, from 0 to 1."""
-        inner = self.knot_sigmas[1:-1, None] + self._halves[:, None] * [-1.0, 0.0, 1.0]
-        # Where a corner takes all that another one leaves of a line, nothing is between them.
-        breaks = np.unique(np.concatenate([[0.0, 1.0], inner.ravel().clip(0.0, 1.0)]))
-        kept: Array = breaks[np.append(np.diff(breaks) > SAME_KNOT, True)]
-        kept[0] = 0.0
-        return kept
-
-    def at(self, sigma: Array) -> Array:
-        """Return base parameter and joint angles at n values of sigma, shape (n, 7)."""
-        knot_sigmas, knots = self.knot_sigmas, self.knots
-        values: Array = np.column_stack(
-            [np.interp(sigma, knot_sigmas, column) for column in knots.T]
-        )
-        for k, half in enumerate(self._halves.tolist(), 1):
-            here = np.abs(sigma - knot_sigmas[k]) < half
-            t = 0.5 + 0.5 * (sigma[here, None] - knot_sigmas[k]) / half
+    def at(sigma: Array) -> Array:
+        values: Array = np.column_stack([np.interp(sigma, places, column) for column in knots.T])
+        for k, half in enumerate(halves.tolist(), 1):
+            here = np.abs(sigma - places[k]) < half
+            t = 0.5 + 0.5 * (sigma[here, None] - places[k]) / half
             into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
-            before, after = self.corners[k - 1]
+            before, after = corners[k - 1]
             values[here] = knots[k] - before * into * ease(1.0 - t) + after * out * ease(t)
         return values
+
+    inner = places[1:-1, None] + halves[:, None] * [-1.0, 0.0, 1.0]
+    breaks = np.unique(np.concatenate([[0.0, 1.0], inner.ravel().clip(0.0, 1.0)]))
+    # Where a corner takes all that another one leaves of a line, nothing is between them.
+    breaks = breaks[np.diff(breaks, append=2.0) > SAME_KNOT]
+    breaks[0] = 0.0
+    return SwingPart(breaks, at)
 
 
 def ease(t: Array) -> Array:
@@ -276,7 +251,7 @@ def ease(t: Array) -> Array:
     return t**3 * (2.0 - t)
 
 
-def rounded_parts(knots: Array, corners: Array) -> list[RoundedLines]:
+def rounded_parts(knots: Array, corners: Array) -> list[SwingPart]:
     """Return the parts of a swing between its points of rest.
 
     Knots have shape (k, 7), and corners as `SwingFinder.round_corners` returns them shape (k, 2); a
@@ -286,7 +261,7 @@ def rounded_parts(knots: Array, corners: Array) -> list[RoundedLines]:
     knots, corners = knots[distinct], corners[distinct]
     stops = np.flatnonzero((corners == 0.0).any(axis=1))
     return [
-        RoundedLines(knots[first : last + 1], corners[first + 1 : last])
+        rounded_lines(knots[first : last + 1], corners[first + 1 : last])
         for first, last in pairwise(stops.tolist())
     ]
 
