@@ -284,3 +284,27 @@ def test_plans_from_a_pose_and_refined_plans_load(jem, checked_graph):
     )
     with pytest.raises(PlanError, match=told):
         Plan.from_dict(moved, jem)
+
+
+def test_grippers_that_slip_and_joints_outside_their_windows_are_told(jem, among_obstacles):
+    """At a knot, on a line that takes the place of many, and by a whole turn."""
+    data, sent = unsigned(among_obstacles), among_obstacles["motion"]["steps"]
+    number = max(range(len(sent)), key=lambda k: len(sent[k]["knots"]))
+    step = sent[number]
+    follower = next(limb for limb in range(3) if limb not in (step["limb"], step["leader"]))
+    k = next(n for n, sigma in enumerate(step["sigmas"]) if sigma > 1.4)
+
+    def refused(changes):
+        with pytest.raises(PlanError) as error:
+            Plan.from_dict(altered(data, ("motion", "steps", number), step | changes), jem)
+        return str(error.value)
+
+    bent = altered(step, ("knots", k, follower, 1), step["knots"][k][follower][1] + 1e-3)
+    assert re.search(rf"steps\[{number}\]\.knots: at knot {k} .* m off their points", refused(bent))
+    kept = [n for n, sigma in enumerate(step["sigmas"]) if not 1.0 < sigma < 2.0]
+    few = {name: [step[name][n] for n in kept] for name in ("sigmas", "knots")}
+    assert re.search(r"knots: after knot \d+ .* off their points; it may be 0.0002 m", refused(few))
+    turn = step["knots"][k][step["limb"]][3] + 2.0 * np.pi
+    turned = altered(step, ("knots", k, step["limb"], 3), turn)
+    named = re.escape(f"steps[{number}].knots[{k}][{step['limb']}][3] is {turn!r}, outside the")
+    assert re.search(named, refused(turned))
