@@ -9,7 +9,7 @@ branch for each interval in which a limb holds a point.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -18,14 +18,15 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import STRAIGHT, BasePath
+from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.motion.base_paths import SupportsOnPath
 from mlivr_gym.motion.joint_path import JointPath
-from mlivr_gym.motion.knots import joint_path_along
 from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step
-from mlivr_gym.motion.step_ends import StepEnds, joints_on_normal, support_joints
-from mlivr_gym.motion.swings import SwingFinder, rounded_parts
+from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
+from mlivr_gym.motion.support_line import SupportLine
+from mlivr_gym.motion.swings import Swing, SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
@@ -35,10 +36,6 @@ from mlivr_gym.transitions.state import State, moving_limb
 
 CACHED_STEPS = 4096
 """Capacity of the cache `CommittedSteps`, in steps."""
-
-TRAVEL_SAMPLES = 17
-"""Samples of a base path from which the joint travel of the support limbs is estimated."""
-
 
 UNCHECKED = Edge(path_kind=STRAIGHT, fold=-1, line_branches=-1, kept={})
 """The edge of a step of a graph that does not check steps."""
@@ -69,28 +66,24 @@ def commit(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Committed | None:
     return next(commitments(graph, ends, edge), None)
 
 
-def commitments(
-    graph: StanceGraph, ends: StepEnds, edge: Edge, rounding: bool = True
-) -> Iterator[Committed]:
+def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Committed]:
     """Yield a step on its branches with each of its clear swings, the preferred one first.
 
-    The edge is that of the step as the graph has checked it on these branches. Without `rounding`
-    the robot stops at each corner.
+    The edge is that of the step as the graph has checked it on these branches.
     """
-    path = ends.base_path(graph, edge.path_kind)
-    if not graph.settings.collisions:
-        yield Committed(paper_path(graph, ends, path), "unchecked")
+    if not graph.settings.transitions:
+        yield Committed(paper_path(graph, ends), "unchecked")
         return
-    above = [joints_on_normal(graph, ends, after, np.ones(1))[0] for after in (False, True)]
-    points = ends.before[ends.limb], ends.to_point
-    finder = SwingFinder.of(graph, ends, path)
-    for swing in finder.swings(above[0], above[1], points, edge):
-        corners = np.zeros((len(swing.knots), 2))
-        if rounding and len(swing.knots) > 2:
-            travels = _line_travels(graph, ends, path, swing.knots)
-            corners = finder.round_corners(swing.knots, travels)
-        parts = rounded_parts(swing.knots, corners)
-        yield Committed(joint_path_along(graph, ends, path, parts), swing.kind)
+    lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
+    above = lifts[0][-1], lifts[1][-1]
+    supports = SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnPath(graph, ends, edge)
+    line = np.stack([swing_knot(0.0, above[0]), swing_knot(1.0, above[1])])
+    swings: Iterable[Swing] = [Swing("unchecked", line)]
+    if graph.settings.collisions:
+        swings = SwingFinder(graph, ends, supports).swings(*above, edge)
+    for swing in swings:
+        parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
+        yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
 
 
 class CommittedSteps:
@@ -111,7 +104,7 @@ class CommittedSteps:
         if self._obstacles != graph.obstacles:
             cached.clear()
             self._obstacles = graph.obstacles
-        arrays = ends.positions, ends.rotations, ends.joints, ends.grasp_joints
+        arrays = ends.positions, ends.rotations, ends.joints
         key = (
             ends.limb, ends.before, ends.to_point, ends.branches, *edge[:-1],
             *(array.tobytes() for array in arrays),
@@ -121,19 +114,6 @@ class CommittedSteps:
             if len(cached) > CACHED_STEPS:
                 cached.popitem(last=False)
         return cached[key]
-
-
-def _line_travels(graph: StanceGraph, ends: StepEnds, path: BasePath, knots: Array) -> Array:
-    """Return the approximate joint travel on each line between knots, shape (k - 1,) [rad].
-
-    It is the maximum over the joints of the swing limb and, in proportion to the base parameter,
-    over those of the support limbs.
-    """
-    holding = support_joints(graph, ends, path, np.linspace(0.0, 1.0, TRAVEL_SAMPLES))
-    turned = np.abs(np.diff(holding, axis=0)).sum(axis=0).max()
-    lines = np.abs(np.diff(knots, axis=0))
-    longest: Array = np.maximum(lines[:, 1:].max(axis=1), turned * lines[:, 0])
-    return longest
 
 
 def hold_intervals(points: IntArray, limb: int) -> list[tuple[int, int]]:
@@ -289,8 +269,7 @@ class _MotionDraft:
             positions=self.postures.base_position[k : k + 2],
             rotations=self.postures.base_rotation[k : k + 2],
             branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),
-            joints=self.joints[k],
-            grasp_joints=self.joints[k + 1, limb],
+            joints=self.joints[k : k + 2],
         )
         return cache.commit(ends, self.edges[k] if self.edges else UNCHECKED)
 

@@ -6,22 +6,21 @@ knots all of them move on straight lines. The base is no variable of its own: on
 `grasp * FK(q_leader)^-1`. The base pose at the first knot says where the grasp is. Nothing else is
 needed to follow a joint path: neither the map nor inverse kinematics.
 
-**Path parameter.** Each knot has a path parameter sigma, which rises from 0. At whole numbers the
-robot is at rest, and between them lie the path segments: the departure first, the approach last,
-and the parts of the swing in between.
+**Rests.** The robot is at rest at the first and the last knot, after the departure, before the
+approach, and at the corners of the swing between them. Between two rests lies a path segment.
 
 **Where knots come from.** `commitment` chooses branches and swing of a step on an edge of the
-stance graph, and `knots` divides the curves that were checked (departure along the normal, lines
-and rounded corners of the swing, approach) until the lines between the knots stay close to them.
-The joint angles of the support limbs come from `step_ends.support_joints` alone, the only place
-that knows how the base moves. Steps that are not checked move as in the paper, `paper_motion`.
+stance graph. With two limbs all lines were checked as they are, see `support_line`. With more limbs
+`base_paths` takes knots from curves that were checked, and steps that are not checked move as in
+the paper, `paper_motion`. Above its points the gripper follows the surface normal, see `step_ends`.
 
-**Timing.** A segment is passed smoothly from rest to rest: on the cubic spline through its knots
-over sigma, with a time scaling sigma(t). The spline leaves the lines by less than the lines leave
-the curve that the knots were taken from (`knots.SWING_TOLERANCE`), far less than the clearance.
+**Timing.** A segment is passed smoothly from rest to rest, with a time scaling sigma(t) of its path
+parameter from 0 to 1. Between two knots alone it is their line. Otherwise it is the uniform cubic
+B-spline whose control points are the knots, with ends that are clamped to the first and the last:
+accelerations do not jump, and since each of its points is a weighted mean of four knots in turn,
+no joint goes farther than the knots do. It passes a knot at a sixth of the second difference there.
 The base follows from the leader, so that the leader's gripper stays where it is; grippers of other
-support limbs are off their grasps by at most `HOLD_TOLERANCE` on the lines, and less on the
-spline.
+support limbs are off their grasps by at most `HOLD_TOLERANCE`.
 
 **Who reads it.** `Plan.joint_path` gives the joint path of a step. From it follow configurations of
 figures and films (`samples`), trajectories and their exports (`trajectory`), dynamics and time
@@ -47,8 +46,11 @@ PHASES = ("departure", "swing", "approach")
 SAMPLES = 96
 """Least number of intervals of a path segment at whose ends its dynamics are computed."""
 
+CUBIC = 3
+"""Degree of the spline of a segment with four knots and more."""
+
 HOLD_TOLERANCE = 2e-4
-"""Largest slip of a support limb on a line between two knots [m]."""
+"""Largest slip of a support limb between two knots [m]."""
 
 GRIP_RADIUS = 0.1
 """Size of a gripper, by which a turn of it counts as slip [m]."""
@@ -84,8 +86,8 @@ class JointPath:
     """Base rotation in the world at the first knot, shape (3, 3)."""
     knots: Array
     """Joint angles of all limbs at the knots, shape (k, N, 6) [rad]."""
-    sigmas: Array
-    """Path parameter at the knots, shape (k,); a whole number where the robot is at rest."""
+    rests: tuple[int, ...]
+    """Indices of the knots at which the robot is at rest, from 0 to k - 1."""
 
     @property
     def supports(self) -> tuple[int, ...]:
@@ -130,12 +132,19 @@ class JointPath:
     @cached_property
     def segments(self) -> tuple[PathSegment, ...]:
         """The path segments in their order."""
-        rests = np.flatnonzero(self.sigmas == np.rint(self.sigmas))
-        phases = [0, *[1] * (len(rests) - 3), 2]
+        phases = [0, *[1] * (len(self.rests) - 3), 2]
         return tuple(
-            PathSegment.of(self, phase, slice(first, last + 1))
-            for phase, (first, last) in zip(phases, pairwise(rests.tolist()), strict=True)
+            PathSegment.of(self, phase, self.knots[first : last + 1])
+            for phase, (first, last) in zip(phases, pairwise(self.rests), strict=True)
         )
+
+    @property
+    def sigmas(self) -> Array:
+        """Path parameter of each knot, shape (k,); a whole number where the robot is at rest."""
+        places = [
+            n + control_places(b - a + 1)[:-1] for n, (a, b) in enumerate(pairwise(self.rests))
+        ]
+        return np.concatenate([*places, [len(places)]])
 
     def samples(self, count: int) -> StepMotion:
         """Return `count` configurations on each segment, evenly spaced over the path parameter."""
@@ -180,19 +189,18 @@ class PathSegment:
     sigma have shape (k, 6 + 6 N) [m, rad]."""
 
     @classmethod
-    def of(cls, path: JointPath, phase: int, chosen: slice) -> PathSegment:
-        """Return the segment through some knots of a joint path.
+    def of(cls, path: JointPath, phase: int, knots: Array) -> PathSegment:
+        """Return the segment of a joint path with given knots, shape (k, N, 6) [rad].
 
         Samples of the base rotation are close, so that it is the sum of small rotation vectors in
         the body frame.
         """
-        knots, at = path.knots[chosen], path.sigmas[chosen] - path.sigmas[chosen.start]
-        through = scipy.interpolate.CubicSpline(at, knots.reshape(len(at), -1))
-        parts = [
-            np.linspace(first, last, int(np.ceil(SAMPLES * (last - first))), endpoint=False)
-            for first, last in pairwise(at.tolist())
-        ]
-        sigmas = np.concatenate([*parts, [1.0]])
+        degree = min(CUBIC, len(knots) - 1)
+        breaks = spline_breaks(len(knots))
+        through = scipy.interpolate.BSpline(breaks, knots.reshape(len(knots), -1), degree)
+        # Samples at all breakpoints, and between them, so that the cubic spline is the same.
+        pieces = len(knots) - degree
+        sigmas = np.linspace(0.0, 1.0, pieces * max(2, -(-SAMPLES // pieces)) + 1)
         joints = through(sigmas)
         positions, rotations = path.base(joints.reshape(-1, *knots.shape[1:]))
         turned = scipy.spatial.transform.Rotation.from_matrix(rotations)
@@ -217,6 +225,23 @@ class PathSegment:
     def travel(self) -> float:
         """Largest travel of any joint along the segment [rad]."""
         return float(np.abs(np.diff(self.joints, axis=0)).sum(axis=0).max())
+
+
+def spline_breaks(count: int) -> Array:
+    """Return the knot vector of the clamped uniform spline with `count` control points."""
+    degree = min(CUBIC, count - 1)
+    return np.pad(np.linspace(0.0, 1.0, count - degree + 1), degree, mode="edge")
+
+
+def control_places(count: int) -> Array:
+    """Return the path parameters of the control points of a segment, shape (count,), from 0 to 1.
+
+    They are its Greville abscissae: from control points on a line at these places follows a motion
+    at constant rate.
+    """
+    degree, breaks = min(CUBIC, count - 1), spline_breaks(count)
+    places: Array = np.mean([breaks[1 + k : 1 + k + count] for k in range(degree)], axis=0)
+    return places
 
 
 def flange_in_body(robot: RobotSpec, limb: int, joints: Array) -> tuple[Array, Array]:

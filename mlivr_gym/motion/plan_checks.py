@@ -15,6 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import MlivrError, PlanError, shortened
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
@@ -35,13 +36,6 @@ singularity joint angles and manipulability change by the square root of that, 1
 
 SAME_POSE = 1e-9
 """Base poses that deviate less from the posture of the stance are equal to it [m, rad]."""
-
-WINDOW_TOLERANCE = 0.1
-"""Largest angle by which a joint may be outside its window at a knot [rad].
-
-Between the samples of `kinematics.holding` joints of support limbs may pass their windows by so
-much.
-"""
 
 FLIP = np.diag([-1.0, -1.0, 1.0])
 """Half a turn of a tool about its axis, the symmetry of a grasp."""
@@ -246,7 +240,7 @@ def _check_joint_path(place: str, path: JointPath) -> None:
             )
     windows = np.array([limb.windows for limb in path.robot.every_limb])
     excess = np.maximum(windows[..., 0] - path.knots, path.knots - windows[..., 1])
-    if excess.max() > WINDOW_TOLERANCE:
+    if excess.max() > LIMIT_TOLERANCE:
         n, limb, joint = np.unravel_index(int(excess.argmax()), excess.shape)
         raise PlanError(
             f"{place}.knots[{n}][{limb}][{joint}] is {float(path.knots[n, limb, joint])!r}, "

@@ -79,7 +79,7 @@ def step_fields(limbs: int) -> Struct[Step]:
             "leader": Integer(0, limbs - 1),
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
-            "sigmas": Tuples((None,), 0.0, MAX_PARTS, "", (0, MAX_PARTS)),
+            "rests": ListOf(Integer(0, MAX_PARTS), 0, MAX_PARTS),
             "knots": Tuples((None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
         },
         complete=True,
@@ -156,22 +156,18 @@ def _motion(data: Any, limbs: int) -> Motion:
 
 
 def _check_joint_path(place: FieldPath, step: Step) -> None:
-    """Check that knots and path parameters of a step are those of a joint path, or left out.
+    """Check that knots and rests of a step are those of a joint path, or left out.
 
     A joint path has a departure, an approach, and a swing of one part or more.
     """
     if step.leader == step.limb:
         raise place.field("leader").fault(f"is {step.leader}, the limb that moves")
-    if len(step.sigmas) != len(step.knots):
-        count = len(step.knots)
-        raise place.field("sigmas").fault(f"has {len(step.sigmas)} entries for {count} knots")
-    if step.knots or step.swing != "unchecked":
-        rests = [s for s in step.sigmas if s.is_integer()]
-        rising = all(a < b for a, b in pairwise(step.sigmas))
-        if not rising or len(rests) < 4 or rests != [*range(len(rests) - 1), step.sigmas[-1]]:
-            raise place.field("sigmas").fault(
-                "must rise from 0 to a whole number of 3 or more, with all between, "
-                f"not {shortened(list(step.sigmas))}"
+    if step.knots or step.rests or step.swing != "unchecked":
+        rests, rising = step.rests, all(a < b for a, b in pairwise(step.rests))
+        if len(rests) < 4 or not rising or (rests[0], rests[-1]) != (0, len(step.knots) - 1):
+            raise place.field("rests").fault(
+                f"must rise from 0 to {len(step.knots) - 1}, the number of the last knot, by three "
+                f"segments or more, not {shortened(list(rests))}"
             )
 
 

@@ -48,8 +48,8 @@ class Step:
     """Base displacement [m]."""
     swing: str = "unchecked"
     """Kind of the swing, one of `mlivr_gym.motion.plan_parts.SWING_KINDS`."""
-    sigmas: tuple[float, ...] = ()
-    """Path parameter at each knot, rising from 0: at whole numbers the robot is at rest, between
+    rests: tuple[int, ...] = ()
+    """Indices of the knots at which the robot is at rest: the first and the last, and those between
     departure, parts of the swing, and approach."""
     knots: tuple[tuple[tuple[float, ...], ...], ...] = ()
     """Knots of the joint path: joint angles of all limbs, which change linearly from one knot to
@@ -58,8 +58,7 @@ class Step:
     def along(self, path: JointPath, swing: str) -> Step:
         """Return the step along a joint path with a swing of a kind."""
         knots = tuple(tuple(map(tuple, knot)) for knot in path.knots.tolist())
-        sigmas = tuple(path.sigmas.tolist())
-        return replace(self, leader=path.leader, swing=swing, sigmas=sigmas, knots=knots)
+        return replace(self, leader=path.leader, swing=swing, rests=path.rests, knots=knots)
 
 
 @dataclass(frozen=True)
@@ -158,7 +157,7 @@ class Motion:
             )
         return JointPath(
             robot, step.limb, step.leader, self.base_positions[index], self.base_rotations[index],
-            np.array(step.knots), np.array(step.sigmas),
+            np.array(step.knots), step.rests,
         )  # fmt: skip
 
     def __repr__(self) -> str:

@@ -1,10 +1,8 @@
-"""Both ends of a step, and the joint angles that follow from them by inverse kinematics.
-
-`support_joints` says how the base moves during a step. Nothing else needs to know.
-"""
+"""Both ends of a step, and the knots between a point and the place above it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,15 +10,21 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.poses import pose, poses
+from mlivr_gym.kinematics.poses import poses
+from mlivr_gym.motion.joint_path import (
+    CUBIC,
+    GRIP_RADIUS,
+    JointPath,
+    control_places,
+    flange_in_body,
+)
 from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-WINDING_SAMPLES = 65
-"""Base poses from which support limbs are followed up to the first one asked for."""
+NORMAL_TOLERANCE = 2e-4
+"""How far the gripper may be off the surface normal on departure and approach [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +45,7 @@ class StepEnds:
     """Branch of each limb before the step, followed by that of the moving limb after it, N + 1
     numbers."""
     joints: Array
-    """Joint angles before the step, shape (N, 6) [rad]."""
-    grasp_joints: Array
-    """Joint angles of the moving limb after the step, shape (6,) [rad]."""
+    """Joint angles before and after the step, shape (2, N, 6) [rad]."""
 
     @classmethod
     def of(cls, graph: StanceGraph, motion: Motion, index: int) -> StepEnds:
@@ -56,56 +58,13 @@ class StepEnds:
             positions=motion.base_positions[ends],
             rotations=motion.base_rotations[ends],
             branches=(*motion.branches[index].tolist(), int(motion.branches[index + 1, step.limb])),
-            joints=motion.joint_positions[index],
-            grasp_joints=motion.joint_positions[index + 1, step.limb],
+            joints=motion.joint_positions[ends],
         )
 
     @property
     def after(self) -> tuple[int, ...]:
         """Point index of each limb after the step."""
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
-
-    def base_path(self, graph: StanceGraph, kind: int) -> BasePath:
-        """Return the base path of a kind as a record for compiled code."""
-        first, last = map(pose, self.positions, self.rotations)
-        return base_path(first, last, kind, graph.pivot(self.before, self.after))
-
-
-def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array) -> Array:
-    """Return joint angles while the base moves, at base parameters s, shape (k, N, 6) [rad].
-
-    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it. The support
-    limbs hold their points on their branches; the moving limb is as it is before the step. Raises a
-    `PlanError` if a support limb cannot follow the base.
-    """
-    # Windings are known where the base has not moved.
-    lead_in = np.linspace(0.0, s[0], WINDING_SAMPLES if s[0] > 0.0 else 1)
-    base = base_poses(path, np.concatenate([lead_in, s]))
-    joints = np.tile(ends.joints, (len(s), 1, 1))
-    for limb, point in enumerate(ends.before):
-        if limb != ends.limb:
-            flange = graph.solver.grasps[point]["flange"]
-            held = flange["position"][None], flange["rotation"][None]
-            one = Follower(limb, ends.branches[limb], ends.joints[limb])
-            joints[:, limb] = follow(graph, ends, one, held, base)[len(lead_in) :]
-    return joints
-
-
-def joints_on_normal(graph: StanceGraph, ends: StepEnds, after: bool, height: Array) -> Array:
-    """Return joint angles of the moving limb above one of its points, shape (k, 6) [rad].
-
-    It is the point before or `after` the step; heights are fractions of the lift from 0 on, shape
-    (k,), where the limb holds the point.
-    """
-    limb, point = ends.limb, ends.to_point if after else ends.before[ends.limb]
-    one = Follower(limb, ends.branches[limb], ends.joints[limb])
-    if after:
-        one = Follower(limb, ends.branches[graph.limbs], ends.grasp_joints)
-    grasp = graph.solver.grasps[point]
-    lift = graph.robot.lift * height[:, None] * grasp["normal"]
-    flange = grasp["flange"]["position"] + lift, grasp["flange"]["rotation"][None]
-    base = ends.positions[int(after)][None], ends.rotations[int(after)][None]
-    return follow(graph, ends, one, flange, base)
 
 
 class Follower(NamedTuple):
@@ -114,6 +73,59 @@ class Follower(NamedTuple):
     limb: int
     branch: int
     joints: Array
+
+
+def normal_knots(graph: StanceGraph, ends: StepEnds, side: int) -> Array:
+    """Return knots of the moving limb from its point to the place above it, shape (k, 6) [rad].
+
+    It is the point before the step or, with `side` 1, after it. On one line the gripper would be
+    off the surface normal by some distance in the middle. In n equal pieces it is off by the n^2-th
+    part of it, and by 4 / 3 of that on the spline, where knots take a sixth of a second difference
+    in place of an eighth. So many pieces are taken that twice the part is within the tolerance.
+    """
+    coarse = _above(graph, ends, side, np.array([0.0, 0.5, 1.0]))
+    there = np.stack([0.5 * (coarse[0] + coarse[2]), coarse[1]])
+    places, turns = flange_in_body(graph.robot, ends.limb, there)
+    turned = turns[0] - turns[1]
+    moved = places[0] - places[1] + graph.robot.tool_length * turned[:, 2]
+    off = np.linalg.norm(moved) + GRIP_RADIUS * np.linalg.norm(turned) / np.sqrt(2.0)
+    pieces = max(1, int(np.ceil(np.sqrt(2.0 * off / NORMAL_TOLERANCE))))
+    knots = _above(graph, ends, side, control_places(pieces + CUBIC))
+    knots[0] = ends.joints[side, ends.limb]
+    return knots
+
+
+def _above(graph: StanceGraph, ends: StepEnds, side: int, heights: Array) -> Array:
+    """Return joint angles of the moving limb at fractions of the lift from 0 on, (k, 6) [rad]."""
+    limb, point = ends.limb, ends.to_point if side else ends.before[ends.limb]
+    one = Follower(limb, ends.branches[graph.limbs if side else limb], ends.joints[side, limb])
+    grasp = graph.solver.grasps[point]
+    lift = graph.robot.lift * heights[:, None] * grasp["normal"]
+    flange = grasp["flange"]["position"] + lift, grasp["flange"]["rotation"][None]
+    return follow(graph, ends, one, flange, (ends.positions[[side]], ends.rotations[[side]]))
+
+
+def step_path(
+    graph: StanceGraph, ends: StepEnds, lifts: tuple[Array, Array], parts: Sequence[Array]
+) -> JointPath:
+    """Return the joint path of a step: departure, the parts of its swing, and approach.
+
+    `lifts` are the `normal_knots` at both points, and the parts knots of all limbs from one rest to
+    the next, shapes (k, N, 6) [rad].
+    """
+    limb, turned = ends.limb, (lifts[0], lifts[1][::-1])
+    departure, approach = (
+        np.tile(joints, (len(own), 1, 1))
+        for joints, own in zip((ends.joints[0], parts[-1][-1]), turned, strict=True)
+    )
+    departure[:, limb], approach[:, limb] = turned
+    every = [departure, *parts, approach]
+    knots = np.concatenate([departure[:1], *(part[1:] for part in every)])
+    rests = np.cumsum([0, *(len(part) - 1 for part in every)])
+    return JointPath(
+        graph.robot, limb, int(limb == 0), ends.positions[0], ends.rotations[0], knots,
+        tuple(rests.tolist()),
+    )  # fmt: skip
 
 
 def follow(

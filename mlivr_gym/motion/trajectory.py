@@ -16,6 +16,7 @@ import scipy
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.motion.joint_path import PHASES, JointPath, quaternions
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
@@ -27,9 +28,6 @@ FREE = -1
 
 MAX_SAMPLES = 1_000_000
 """Upper bound of the samples of a step: half an hour at 2 ms, about a gigabyte."""
-
-LIMIT_TOLERANCE = 1e-3
-"""Largest angle by which a joint may pass its limit between knots that keep it [rad]."""
 
 
 class TimedPath(NamedTuple):

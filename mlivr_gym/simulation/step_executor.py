@@ -243,8 +243,8 @@ class StepExecutor:
         ends, edge = self._ends(state, joints, reached.stance)
         for option in self._options(reached, ends.limb):
             branches = (*ends.branches[:-1], bits_of(option.branch_sets[ends.limb])[0] & 7)
-            grasp_joints = graph.configuration(option)[2][ends.limb]
-            chosen = replace(ends, branches=branches, grasp_joints=grasp_joints)
+            reached_joints = graph.configuration(option)[2]
+            chosen = replace(ends, branches=branches, joints=np.stack([joints, reached_joints]))
             committed = commit(graph, chosen, edge)
             if committed is not None and committed.path is not None:
                 return committed.path, option
@@ -259,7 +259,7 @@ class StepExecutor:
         branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
         ends = StepEnds(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            (*branches, branches[limb]), joints, joints[limb],
+            (*branches, branches[limb]), np.stack([joints, joints]),
         )  # fmt: skip
         return ends, edge
 

@@ -275,8 +275,7 @@ def test_a_motion_that_turns_back_follows_its_path_to_the_start(
 
 
 def test_the_segments_of_a_swing_share_its_time_by_the_roots_of_their_travels(checked_graph, plan):
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, plan, 0))
-    segment = path_segments(path)[1]
+    segment = plan.joint_path(0).segments[1]
     there = np.zeros((4, 2, 6))
     there[:, 1, 2], there[:, 0, 4] = (0.0, 1.0, -1.0, 0.0), (0.0, 0.5, 1.0, 1.5)
     back = replace(segment, joints=there)

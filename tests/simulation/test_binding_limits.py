@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pinocchio_loads import loads_of
 
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import duration_of, quintic
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.simulation.limits import PACES, Limits
@@ -52,7 +51,7 @@ def test_the_limit_that_decides_is_reached_and_none_is_exceeded(checked_graph, w
     The limits are far below the usual ones, so that a step takes up to a minute, and its
     acceleration rises within a hundredth of it.
     """
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, 2))
+    path = walk.joint_path(2)
     shares = shares_of_limits(path, replace(LOOSE, profile=profile, **{name: TIGHT[name]}))
     decided = slice(None, None, 2) if name == "surface_speed" else slice(None)
     reached = shares.pop(name)[decided]
@@ -66,7 +65,7 @@ def test_the_limit_that_decides_is_reached_and_none_is_exceeded(checked_graph, w
 
 @pytest.mark.parametrize("pace", ["fast", "gentle", "careful"])
 def test_no_pace_exceeds_its_limits_and_each_segment_reaches_one(checked_graph, walk, pace):
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, 2))
+    path = walk.joint_path(2)
     shares = np.array(list(shares_of_limits(path, PACES[pace]).values()))
     np.testing.assert_allclose(shares.max(axis=0), 1.0, atol=5e-3)
 

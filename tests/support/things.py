@@ -30,9 +30,6 @@ from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.fastest import Candidate
-from mlivr_gym.motion.path_segments import path_segments
-from mlivr_gym.motion.plan_motion import step_motion
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer, Shot
@@ -201,7 +198,7 @@ MAKERS = {
     "Motion": lambda of: of["Plan"].motion,
     "Statistics": lambda of: of["Plan"].statistics,
     "Step": lambda of: of["Plan"].steps[0],
-    "StepMotion": lambda of: step_motion(of["TwoLimbGraph"], of["Plan"], 0),
+    "StepMotion": lambda of: of["Plan"].joint_path(0).samples(50),
     "CorridorPlan": lambda of: CorridorPlan(of["PlanningResult"], of["TwoLimbGraph"], True),
     "Cost": lambda of: Cost.named("base"),
     "CostToGo": lambda of: of["Planner"].cost_to_go(of.query["goal"]),
@@ -215,9 +212,7 @@ MAKERS = {
     "SearchTree": lambda of: SearchTree(),
     "Trajectory": lambda of: plan_trajectory(of["TwoLimbGraph"], of["Plan"], period=0.1),
     "Durations": lambda of: Durations(),
-    "segments": lambda of: path_segments(
-        RegraspPath(of["TwoLimbGraph"], planned_regrasp(of["TwoLimbGraph"], of["Plan"], 0))
-    ),
+    "segments": lambda of: of["Plan"].joint_path(0).segments,
     "Camera": lambda of: Camera((0.0, 0.0, 0.0)),
     "Route": drawn_route,
     "Foothold": lambda of: of["Route"].footholds[0],
