@@ -102,6 +102,15 @@ def set_line(
 
 
 @kernel
+def _wanted(step: StepRecord, context: StepContext) -> int:
+    """Return the holds of the support that a step asks for and that the stance after has."""
+    support = 1 - step.limb
+    if step.fixed:
+        return step.branches[support]
+    return step.branches[support] & context.stances.branch_sets[step.after, support]
+
+
+@kernel
 def check_alone(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Check a step of two limbs, and write the holds that its edge keeps into it.
 
@@ -110,9 +119,7 @@ def check_alone(step: StepRecord, context: StepContext, scratch: StepScratch) ->
     """
     stances, world = context.stances, context.world
     support, known = 1 - step.limb, step.recheck != 0
-    wanted = step.branches[support]
-    if not step.fixed:
-        wanted &= stances.branch_sets[step.after, support]
+    wanted = _wanted(step, context)
     if known:
         wanted &= step.kept[support]
     codes, line_branches = step.swings, step.line_branches
@@ -278,6 +285,23 @@ def is_clear(
 def line_clear(support: int, moving: int, robots: Any, world: WorldRecord, lines: Any) -> bool:
     """Return whether a robot of two limbs is clear along a line, in a row of `LineScratch`."""
     return is_clear(world.first, support, moving, robots[0], world, lines[0])
+
+
+@entry
+def find_lines(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
+    """Check whether the support has a line on any hold, for steps from `start` to `stop` - 1.
+
+    This is quick. `StepRecord.kept` is not empty if it has, and has no other meaning.
+    """
+    for k in range(start, stop):
+        step, support = steps[k], 1 - steps[k].limb
+        wanted = _wanted(step, context)
+        step.kept[0] = step.kept[1] = EMPTY
+        for hold_number in range(2 * BRANCHES):
+            branch, flip = hold_number % BRANCHES, hold_number // BRANCHES
+            asked = step.kept[support] == 0 and has(wanted, hold_number)
+            if asked and set_line(step, context, branch, flip, scratch_rows[0]):
+                step.kept[support] = wanted
 
 
 @entry

@@ -92,24 +92,22 @@ class StepRecord(Record):
     branches: Limbs
     """Branches that each support limb may be on."""
     fixed: bool
-    """Whether the limbs are on just these branches, so that none is preferred."""
+    """Whether the limbs are on just these branches, whichever the stance after has."""
     recheck: int
-    """0 if the edge is not known; `STORED_ALONE` if only the swings by which it is known are
-    checked, `STORED_FIRST` if they are checked first."""
+    """Of two limbs: 0 if the edge is not known; `STORED_ALONE` if only the swings by which it is
+    known are checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
-    on_arc: int
-    """The branches of a single support limb that need the arc."""
     path_kind: int
-    """Kind of the base path; for a single support limb see `on_arc`."""
-    folds: Annotated[IntArray, (2,), np.int64]
-    """Fold in which the limb can be moved on the straight base path and on the arc, -1 for none."""
-    line_branches: int
-    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
-    -1."""
+    """Of more limbs: kind of the base path."""
+    fold: int
+    """Of more limbs: fold in which the limb can be moved, -1 for none."""
     swings: int
     """Of two limbs: for each branch of the support, four bits with the code of its swing, see
     `line_steps`."""
+    line_branches: int
+    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
+    -1."""
 
 
 class StepScratch(Record):
@@ -124,10 +122,8 @@ class StepScratch(Record):
     """Branches on which each support limb can follow both kinds of base path."""
     can_follow_known: Annotated[IntArray, (2,), np.int64]
     """Whether these were computed."""
-    selected: Limbs
-    """Branches under check."""
     clear: Limbs
-    """Those of them that are clear of all that does not depend on the swing."""
+    """Branches that are clear of all that does not depend on the swing."""
     clear_of_swing: Limbs
     """Those of these that are clear of the swing limb."""
     q: Annotated[Rows[Angles], (2, BRANCHES)]
