@@ -112,7 +112,6 @@ SPECIAL = {
         "stow": of.free[1],
         "limbs": [0],
     },
-    "CrewMember.middles": lambda of: {"times": np.zeros(2)},
     "point_cloud_message": lambda of: {"points": []},
     "points_of_message": lambda of: {"message": point_cloud_message([], 0.0)},
     "Belief": lambda of: {"noise": 0.003},
