@@ -6,7 +6,8 @@ A joint of limb 0 is locked at its present angle, in drawn states of a robot on 
 checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
 are the stances of the robot that results and the drawn goals to which it has a plan from the state
 in which it is. Two UR5e have no such choice: counted are the stances that limb 0 can hold where it
-is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and `failed_joints.md`.
+is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and
+`failed_joints.md`.
 """
 
 from __future__ import annotations

@@ -68,13 +68,14 @@ def start_with_failed_joints(
     at the start.
     """
     robot = robot_with_failed_joints(graph.robot, failed)
-    return in_same_world(graph, robot=robot), _start_of(graph, robot, failed, start)
+    start = _start_of(graph, robot, failed, start)
+    return in_same_world(graph, robot=robot), start
 
 
 def _start_of(
     graph: StanceGraph, robot: RobotSpec, failed: Sequence[FailedJoint], start: Start
 ) -> Start:
-    """Return a start of the graph of the whole robot in the terms of one that holds other joints."""
+    """Return a start of the whole robot in the terms of one that holds other joints."""
     points, pose, joints = start
     if isinstance(points, State):
         if not (pose is None and joints is None):
