@@ -71,8 +71,7 @@ class SimulatedRobot:
     release. `time` is that since the reset [s], `mass` that of the robot [kg]. The controller knows
     neither the `disturbance` nor the points that are `refusing` all grippers. With
     `is_localised`, by default off, cameras measure where the robot is, see `localisation`, for
-    controllers that align their references. With `is_hasty`, by default off, a gripper that is
-    guided takes hold sooner, see `Guidance.is_close`.
+    controllers that align their references.
     """
 
     @checked(
@@ -103,7 +102,7 @@ class SimulatedRobot:
         self.data = mujoco.MjData(self.model)
         self.time, self._time_steps, self._plan_step = 0.0, 0, 0
         self.refusing: frozenset[int] = frozenset()
-        self.is_localised = self.is_hasty = False
+        self.is_localised = False
         self._rng = np.random.default_rng([self.disturbance.seed, 4])
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass

@@ -94,7 +94,7 @@ class Simulation(SimulatedRobot):
         elif self.controller.align_references:
             self._joint_controller.align_references(reference.positions[0])
         self._plan_step, allowed = step, ((origin,), (), (point,))
-        self._guidance.start(limb, point, self.is_hasty)
+        self._guidance.start(limb, point)
         turned_at: list[int] = []
 
         def enter(phase: int) -> None:

@@ -52,11 +52,6 @@ class PreparedStep(NamedTuple):
     after: State
     """The state after it, with one branch for each limb."""
 
-    @property
-    def at_rest(self) -> Trajectory:
-        """The trajectory of a robot that stays where the step begins."""
-        return self.trajectory.at(np.zeros(2, dtype=np.int64))
-
 
 class StepExecutor:
     """Executor of single steps of a stance graph in MuJoCo.
@@ -141,26 +136,16 @@ class StepExecutor:
         return self.take(prepared)
 
     def prepared(
-        self,
-        limb: int,
-        point: int,
-        branch_sets: tuple[int, ...],
-        before: tuple[State, Array] | None = None,
+        self, limb: int, point: int, branch_sets: tuple[int, ...]
     ) -> PreparedStep | Failure:
-        """Return a step from the present state that can be taken, or the failure `"no swing"`.
-
-        `before` is a state with one branch for each limb, and joint angles (N, 6) [rad], from which
-        the step begins in place of the present ones. The plan that is followed is then left aside.
-        """
-        state, joints = before or (self.state, self.joints)
-        after = state.stance_after(limb, point)
-        result = self._planned(after) if before is None else None
-        result = result or self._committed(state, joints, State(after, branch_sets))
+        """Return a step from the present state that can be taken, or the failure `"no swing"`."""
+        after = self.state.stance_after(limb, point)
+        result = self._planned(after) or self._committed(State(after, branch_sets))
         if result is None:
             return self._not_begun(limb, point, "no swing was found")
         path, reached = result
         graph, period = self.graph, self.setup.physics.timestep
-        stances = graph.ids(state.stance), graph.ids(after)
+        stances = graph.ids(self.state.stance), graph.ids(after)
         try:
             timed = timed_path(path, self.setup.timing)
             return PreparedStep(trajectory(graph.grasp_map, stances, timed, period), reached)
@@ -168,19 +153,14 @@ class StepExecutor:
             return self._not_begun(limb, point, str(error))
 
     def take(
-        self, prepared: PreparedStep, watch: PathWatch | None = None, wait: float = 0.0
+        self, prepared: PreparedStep, watch: PathWatch | None = None
     ) -> tuple[State, SimulatedInterval]:
-        """Wait for some time [s], and take a step that was prepared for the present state.
+        """Take a step that was prepared for the present state; return the same as `step`.
 
-        `watch` looks ahead during the step. Returned is the same as by `step`.
+        `watch` looks ahead during the step.
         """
         begin, self._executed = self.simulation.time, prepared.trajectory
-        waited = self.hold(wait, prepared) if wait else None
-        if waited is not None and waited.failure is not None:
-            return self.state, waited
         executed = self.simulation.execute(prepared.trajectory, self.steps_done, watch)
-        if waited is not None:
-            executed = executed.after(waited)
         if executed.failure is None:
             self.steps_done += 1
             self.state, self.joints = prepared.after, prepared.trajectory.joint_positions[-1]
@@ -202,10 +182,6 @@ class StepExecutor:
         """Go back to the present state from a step at whose end nothing was grasped."""
         self._plan = None
         return self.simulation.retreat(self._executed, self.steps_done)
-
-    def hold(self, duration: float, prepared: PreparedStep) -> SimulatedInterval:
-        """Hold all points for some time [s], where a step begins."""
-        return self.simulation.stand_still(prepared.at_rest, duration, self.steps_done)
 
     def _not_begun(self, limb: int, point: int, why: str) -> Failure:
         """Return the failure of a step that could not start."""
@@ -232,34 +208,32 @@ class StepExecutor:
         )
         return path, State(after, branch_sets)
 
-    def _committed(
-        self, state: State, joints: Array, reached: State
-    ) -> tuple[JointPath, State] | None:
+    def _committed(self, reached: State) -> tuple[JointPath, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
         Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
-        ends, edge = self._ends(state, joints, reached.stance)
+        ends, edge = self._ends(reached.stance)
         for option in self._options(reached, ends.limb):
             branches = (*ends.branches[:-1], bits_of(option.branch_sets[ends.limb])[0] & 7)
-            reached_joints = graph.configuration(option)[2]
-            chosen = replace(ends, branches=branches, joints=np.stack([joints, reached_joints]))
+            joints = np.stack([self.joints, graph.configuration(option)[2]])
+            chosen = replace(ends, branches=branches, joints=joints)
             committed = commit(graph, chosen, edge)
             if committed is not None and committed.path is not None:
                 return committed.path, option
         return None
 
-    def _ends(self, state: State, joints: Array, after: tuple[int, ...]) -> tuple[StepEnds, Edge]:
+    def _ends(self, after: tuple[int, ...]) -> tuple[StepEnds, Edge]:
         """Return the ends of the step to a stance without grasp branch, and its edge."""
-        graph = self.graph
+        graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
         limb = moving_limb(state.stance, after)
         branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
         ends = StepEnds(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            (*branches, branches[limb]), np.stack([joints, joints]),
+            (*branches, branches[limb]), np.stack([self.joints, self.joints]),
         )  # fmt: skip
         return ends, edge
 

@@ -30,7 +30,7 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
         left = graph.successors(executor.state)
         for k in rng.choice(len(left.limb), 15):
             after = left.after(executor.state, int(k))
-            found = executor._committed(executor.state, executor.joints, after)
+            found = executor._committed(after)
             assert found is not None
             for joints in (found[0].knots, found[0].samples(41).joint_positions):
                 assert (joints >= low - 1e-5).all()
