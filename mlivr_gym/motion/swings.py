@@ -35,6 +35,10 @@ from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
 
 
+SAME_KNOT = 1e-9
+"""Swing knots that differ by less are equal [1, rad]."""
+
+
 class Supports(Protocol):
     """The support limbs of a step, and with them the base, while one limb swings."""
 
@@ -101,14 +105,14 @@ class SwingFinder:
 
     def _chain_at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
         """Return a chain of the fewest clear lines between two knots via `others`, or None."""
-        if (first == last).all():
+        if _are_same(first, last):
             return [first]
         chains = [[first]]
         for chain in chains:
             if self._supports.is_clear(chain[-1], last):
                 return [*chain, last]
             for other in list(others):
-                if (other != first).any() and self._supports.is_clear(chain[-1], other):
+                if not _are_same(other, first) and self._supports.is_clear(chain[-1], other):
                     chains.append([*chain, other])
                     others = [knot for knot in others if knot is not other]
         return None
@@ -131,3 +135,8 @@ def swing_knot(s: float, joints: Array, tool: Array | None = None) -> Array:
     Joint 6 is that of `tool` if it is given.
     """
     return np.array([s, *joints[:5], (joints if tool is None else tool)[5]])
+
+
+def _are_same(a: Array, b: Array) -> bool:
+    """Return whether two swing knots are equal."""
+    return bool(np.abs(a - b).max() <= SAME_KNOT)
