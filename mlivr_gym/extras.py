@@ -14,6 +14,4 @@ def require(*packages: str, extra: str) -> None:
     """
     for name in packages:
         if importlib.util.find_spec(name) is None:
-            raise SettingError(
-                f"this needs the package {name!r}: pip install 'mlivr-gym[{extra}]'"
-            )
+            raise SettingError(f"this needs the package {name!r}: pip install 'mlivr-gym[{extra}]'")
