@@ -23,12 +23,9 @@ from reports import CORES, NOTHING, experiment, figures_of, study_rows, table
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
-from mlivr_gym.closed_loop.crew import LEAST_DISTANCE, CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.evasion import PROOF, Evasion, Rest
 from mlivr_gym.closed_loop.loop import EFFORT, run_closed_loop
-from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED, ClosedLoopRecord
-from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
 from mlivr_gym.errors import ShapeError
@@ -40,7 +37,6 @@ from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.build import stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 
@@ -60,8 +56,6 @@ class Mode(NamedTuple):
     """`"cameras"`, `"blind"`, or `"open"` for the first plan, carried out without replanning."""
     setup: Setup
     """Limits, controller, physics and disturbances."""
-    crew: bool = False
-    """Whether a crew member crosses the cabin."""
     gone: bool = False
     """Whether the robot believes in `BOXES` boxes that are not there, beside those it lacks."""
 
@@ -70,16 +64,12 @@ CAREFUL = Setup.of("careful", "delayed", disturbances=ERRORS)
 SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
 """Setups of the robot's own controller and of the paper's, with all errors."""
 
-CREW = "two limbs, cameras, no errors, a crew member crosses"
 GONE = "two limbs, cameras, all errors, boxes that are gone"
-MOST_TASKS = {CREW: 24, GONE: 50}
-"""The series with crew members and with boxes that are gone, and their largest numbers of tasks."""
+MOST_TASKS = {GONE: 50}
+"""The series with boxes that are gone, and its largest number of tasks."""
 
 AIM = 40.0
 """Time that replanning at a grasp should take at most [ms]."""
-
-MOST_STEPS = 20_000
-"""Maximum number of steps in the search for a way out after a crew member came too close."""
 
 ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 """The robots by their number of limbs."""
@@ -87,7 +77,6 @@ ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 MODES = {
     "two limbs, cameras, no errors": Mode("mlivr2", "cameras", Setup()),
     "two limbs, blind, no errors": Mode("mlivr2", "blind", Setup()),
-    CREW: Mode("mlivr2", "cameras", Setup(), crew=True),
     GONE: Mode("mlivr2", "cameras", CAREFUL, gone=True),
     "two limbs, paper's controller, cameras, all errors": Mode("mlivr2", "cameras", SLOW),
     **{
@@ -112,17 +101,6 @@ class Task(NamedTuple):
     """Steps of a robot that knows everything; None if no plan was found for it."""
     is_possible: bool
     """Whether it is not proved that the goal cannot be reached from any branches of the start."""
-
-
-def crossing(graph: StanceGraph, task: Task, seed: int) -> CrewMember:
-    """Return a crew member who crosses the cabin from one side to the other, or lengthwise."""
-    rng = np.random.default_rng([2027, seed])
-    start = graph.posture_of(graph.state(task.start)).base_position[0]
-    middle = 0.5 * (start + task.goal) + rng.uniform(-0.3, 0.3, 3)
-    away = np.zeros(3)
-    away[int(rng.integers(2))] = rng.choice([-1.0, 1.0]) * 5.0
-    line = (tuple((middle + sign * away).tolist()) for sign in (-1.0, 1.0))
-    return CrewMember(*line, begin=float(rng.uniform(0.0, 10.0)))
 
 
 def gone_boxes(graph: StanceGraph, task: Task, seed: int) -> tuple[Box, ...]:
@@ -160,7 +138,7 @@ def drawn(robot: str, seed: int) -> Task:
 
 def walk(task: int, mode: str) -> dict[str, Any]:
     """Walk a task in one mode."""
-    robot, loop, setup, with_crew, with_gone = MODES[mode]
+    robot, loop, setup, with_gone = MODES[mode]
     graph, given = graph_of(robot), drawn(robot, task)
     row: dict[str, Any] = {"in_hindsight": given.in_hindsight, "is_possible": given.is_possible}
     if loop == "open":
@@ -172,7 +150,7 @@ def walk(task: int, mode: str) -> dict[str, Any]:
             graph, given.start, given.goal.tolist(), unknown=given.unknown,
             gone=[box.id for box in gone],
             camera=DepthCamera() if loop == "cameras" else None, setup=setup, seed=task,
-            max_steps=60, crew=[crossing(graph, given, task)] if with_crew else [],
+            max_steps=60,
         )  # fmt: skip
     except ShapeError:
         return row | {"outcome": None}
@@ -183,8 +161,7 @@ def walk(task: int, mode: str) -> dict[str, Any]:
         "is_true": record.proved and is_cut_off(graph, given, record.state),
         "failure": record.reason.split(":")[0] if record.outcome == FAILED else "",
         "steps": record.steps, "duration": record.duration,
-        "peak_force": record.peak_force, "crew_distance": record.crew_distance,
-        "is_crew_unavoidable": with_crew and is_unavoidable(graph, given, task, record),
+        "peak_force": record.peak_force,
         "replanning_times": record.replanning_times.tolist(),
         "plans_ahead": len(record.times_ahead), "time_ahead": sum(record.times_ahead),
     }  # fmt: skip
@@ -199,23 +176,6 @@ def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
     return found.reason in PROVED_IMPOSSIBLE
 
 
-def is_unavoidable(graph: StanceGraph, task: Task, seed: int, record: ClosedLoopRecord) -> bool:
-    """Return whether a crew member came too close, and no sequence of steps avoids that.
-
-    The search begins at the start of the walk, and knows all unknown things.
-    """
-    if record.crew_distance is None or record.crew_distance >= LEAST_DISTANCE:
-        return False
-    executor, state = StepExecutor(graph, Setup()), graph.state(task.start)
-    executor.start(state, Planner(graph).plan(state, task.goal, "steps").plan)
-    evasion = Evasion(executor, LimbShapes(graph.robot), [crossing(graph, task, seed)])
-    rest = Rest(executor.state, executor.joints)
-    graph.add_obstacles(task.unknown)
-    escape = evasion.escape(rest, 0.0, PROOF, MOST_STEPS)
-    graph.remove_obstacles()
-    return escape.is_exhausted
-
-
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
     """Carry the first plan of a task out without looking or replanning."""
     found = Planner(graph).plan(task.start, task.goal, "steps", effort=effort_for(graph))
@@ -228,8 +188,7 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
         "is_true": False,
         "failure": "" if done.failure is None else done.failure.kind,
         "steps": len(done.captures), "duration": done.simulated_time,
-        "peak_force": float(done.peaks.grasp_force.max()), "crew_distance": None,
-        "is_crew_unavoidable": False,
+        "peak_force": float(done.peaks.grasp_force.max()),
         "replanning_times": [], "plans_ahead": 0, "time_ahead": 0.0,
     }  # fmt: skip
 
@@ -270,8 +229,6 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     both = [w for w in walks if w["outcome"] == ARRIVED and w["in_hindsight"]]
     more = [w["steps"] for w in both], [w["in_hindsight"] for w in both]
     forces = [w["peak_force"] for w in walks]
-    gaps = [w["crew_distance"] for w in walks if w["crew_distance"] is not None]
-    never = sum(w["is_crew_unavoidable"] for w in walks)
     times = [1e3 * seconds for w in walks for seconds in w["replanning_times"]]
     ahead = sum(w.get("plans_ahead", 0) for w in walks)
     mean_ahead = 1e3 * sum(w.get("time_ahead", 0.0) for w in walks) / ahead if ahead else 0.0
@@ -284,8 +241,6 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
         f"({sum(one > AIM for one in times)} of {len(times)})"
         if times else NOTHING,
         f"{mean_ahead:.0f}" if ahead else NOTHING,
-        f"{min(gaps):.2f} ({sum(gap < LEAST_DISTANCE for gap in gaps)}, {never})"
-        if gaps else NOTHING,
     ]  # fmt: skip
 
 
@@ -293,8 +248,7 @@ HEAD = (
     "mode | walks | arrived | stopped (with a proof, with a true one) | failed | "
     "steps over those in hindsight | largest grasp force [N] (walks above 100 N) | "
     f"replanning at a grasp: mean, 95 %, maximum [ms] (above {AIM:g} ms) | "
-    "during a step: mean [ms] | "
-    f"least distance from crew [m] (walks below {LEAST_DISTANCE:g} m, unavoidable)"
+    "during a step: mean [ms]"
 )
 
 
@@ -345,10 +299,7 @@ step leads; *at the grasp* it goes on at once with what it knows and is still po
 where nothing is. Planning times are those of one walk on each core. *Open loop* is the first plan,
 carried out without looking. A robot that stopped holds all its points; its proof is about what it
 has sensed, and true if no plan exists from there in the whole module either. *Boxes that are gone*
-are {BOXES} more boxes in which the robot believes until it looks through them. Crew members cross
-the cabin at 0.5 m/s across or along it, and do not evade the
-robot; no walk ends while one comes to where the robot is. *Unavoidable* are walks in which no
-sequence of steps from the start keeps the distance, with waits of whole seconds.
+are {BOXES} more boxes in which the robot believes until it looks through them.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"

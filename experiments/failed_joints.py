@@ -6,9 +6,8 @@ A joint of limb 0 is locked at its present angle, in drawn states of a robot on 
 checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
 are the stances of the robot that results and the drawn goals to which it has a plan from the state
 in which it is. Two UR5e have no such choice: counted are the stances that limb 0 can hold where it
-is with the joint at its angle, and the goals at which they are. Of three, limb 0 lets go and folds,
-and the others walk: counted are the starts at which it can, and the goals to which they have a
-plan. Writes `failed_joints.json` and `failed_joints.md`.
+is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and
+`failed_joints.md`.
 """
 
 from __future__ import annotations
@@ -21,17 +20,13 @@ from reports import CORES, NOTHING, experiment, study_rows, table
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.planning_result import START_INFEASIBLE
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-NAMES = ("mlivr2", "mlivr3", "mlivr2-iiwa")
+NAMES = ("mlivr2", "mlivr2-iiwa")
 """Robots that are compared."""
-
-THREE = "mlivr3"
-"""That of three limbs, of which one folds; its tables are those of the default settings."""
 
 SETTINGS = Settings(limb_threshold=0.05)
 """Half the default threshold of w_m, which no stance of an iiwa with joint 1 or 2 held meets.
@@ -91,37 +86,20 @@ def reached_with_the_joint_held(
     return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
 
 
-def reached_by_the_others(
-    graph: StanceGraph, state: State, joint: int, goals: np.ndarray
-) -> tuple[int, int]:
-    """Return whether limb 0 can let go and fold, and the goals that the others reach."""
-    angle = float(joint_angles(graph, state)[joint - 1])
-    planner, failed = Planner(graph), [(0, joint, angle)]
-    found = [planner.plan(state, goal, "steps", failed_joints=failed) for goal in goals]
-    folded = any(result.reason != START_INFEASIBLE for result in found)
-    return int(folded), sum(result.plan is not None for result in found)
-
-
 def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, Any]:
     """Return the shares of stances, or of starts, and of goals that a failed joint leaves."""
-    settings = Settings() if robot == THREE else SETTINGS
-    graph, rng = stance_graph(robot=robot, settings=settings), np.random.default_rng(0)
+    graph, rng = stance_graph(robot=robot, settings=SETTINGS), np.random.default_rng(0)
+    assert isinstance(graph, TwoLimbGraph)
     states = [random_state(graph, rng) for _ in range(starts)]
-    if isinstance(graph, TwoLimbGraph):
-        places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
-        held = graph.robot.every_limb[0].held_joint
-        count: Any = reached_on_the_spot if held is None else reached_with_the_joint_held
-        every = len(graph)
-    else:
-        ends = [random_state(graph, rng) for _ in range(goals)]
-        places = np.array([graph.configuration(end)[0] for end in ends])
-        count, every = reached_by_the_others, 1
+    places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
+    held = graph.robot.every_limb[0].held_joint
+    count = reached_on_the_spot if held is None else reached_with_the_joint_held
     out: dict[str, Any] = {"reason": None, "stances": None, "goals": None}
     try:
         counts = np.array([count(graph, state, task + 1, places) for state in states])
     except RobotError as fault:
         return out | {"reason": str(fault)}
-    shares = counts.sum(axis=0) / (starts * np.array([every, goals]))
+    shares = counts.sum(axis=0) / (starts * np.array([len(graph), goals]))
     return out | dict(zip(("stances", "goals"), shares.tolist(), strict=True))
 
 
@@ -145,25 +123,19 @@ def measured(starts: int, goals: int, workers: int) -> dict[str, Any]:
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
-    shown = {THREE: (None, "goals", "stances")}
     rows = [
         (name, f"{data[name]['starts']}, {data[name]['goals']}", joint,
-         *(NOTHING if key is None or row[key] is None else f"{100 * row[key]:.3g} %"
-           for key in shown.get(name, ("stances", "goals", None))))
+         *(NOTHING if row[key] is None else f"{100 * row[key]:.3g} %"
+           for key in ("stances", "goals")))
         for name in NAMES
         for joint, row in data[name]["joints"].items()
     ]  # fmt: skip
-    head = (
-        "robot | starts, goals | failed joint of limb 0 | stances left | goals reached | "
-        "starts at which it folds"
-    )
+    head = "robot | starts, goals | failed joint of limb 0 | stances left | goals reached"
     return (
         "# Failed joints\n\nMeans over drawn starts and drawn goals for each, made by "
         "`experiments/failed_joints.py`; collisions checked, w_m >= "
-        f"{SETTINGS.limb_threshold:g}, of `{THREE}` {Settings().limb_threshold:g}. Of `{THREE}` "
-        "limb 0 lets go and folds, and the two others walk. A dash in both columns of another: its "
-        "other six joints have no closed form here, so that the limb cannot move.\n\n"
-        + table(head, rows)
+        f"{SETTINGS.limb_threshold:g}. A dash in both columns: the other six joints have no closed "
+        "form here, so that the limb cannot move.\n\n" + table(head, rows)
     )
 
 

@@ -10,10 +10,10 @@ import numpy as np
 from mlivr_gym.arguments import ANY_NUMBER, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.planners.folded_limb import robot_with_folded_limb
 from mlivr_gym.postures.given_pose import JOINT_TOLERANCE, given_joints
 from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
-from mlivr_gym.schema import FieldPath, Integer, ListOf, Tuples
+from mlivr_gym.schema import FieldPath, Integer, ListOf
+from mlivr_gym.stances.build import in_same_world
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -45,53 +45,37 @@ FAILED_JOINTS = ListOf(FAILED_JOINT, 0, MOST_LIMBS)
 
 
 def robot_with_failed_joints(robot: RobotSpec, failed: Sequence[FailedJoint]) -> RobotSpec:
-    """Return the robot of which joints have failed.
+    """Return the robot of which joints have failed, see `RobotSpec.with_failed_joint`.
 
-    A limb that has a joint to spare holds the failed one; one without stands folded, and the robot
-    is that of the other limbs. Raises a `RobotError` if a limb cannot move without its joints, and
-    too few others remain, and a `SettingError` if there is no such limb or joint.
+    Raises a `RobotError` if a limb cannot move without its joints, and a `SettingError` if there is
+    no such limb or joint.
     """
-    spare, folded = spare_and_folded(robot, failed)
-    for limb, joint, angle in spare:
-        robot = robot.with_failed_joint(limb, joint, angle)
-    return robot if folded is None else robot_with_folded_limb(robot, folded[0], folded[1:])
-
-
-def spare_and_folded(
-    robot: RobotSpec, failed: Sequence[FailedJoint]
-) -> tuple[list[FailedJoint], FailedJoint | None]:
-    """Return the failed joints of limbs that move on, and that of one that must fold, if any.
-
-    Those of a robot of two limbs are among the first, which refuses them.
-    """
-    place, spare, folded = FieldPath("failed_joints", SettingError), list[FailedJoint](), None
     for k, (limb, joint, angle) in enumerate(failed):
-        Integer(0, robot.limbs - 1).read(limb, place.entry(k).entry(0))
-        arm = robot.every_limb[limb]
-        Integer(1, len(arm.joint_limits)).read(joint, place.entry(k).entry(1))
-        if arm.held_joint is not None or robot.limbs < 3:
-            spare.append((limb, joint, angle))
-        elif folded is not None:
-            raise place.entry(k).fault(
-                f"is {(limb, joint, angle)}, but joint {folded[1]} of limb {folded[0]} has failed, "
-                "too; these limbs have no joint to spare, and only one can stand folded, with one "
-                "failed joint"
-            )
-        else:
-            low, high = arm.joint_limits[joint - 1]
-            Tuples((), low, high, "rad").read(angle, place.entry(k).entry(2))
-            folded = limb, joint, angle
-    return spare, folded
+        place = FieldPath("failed_joints", SettingError).entry(k)
+        Integer(0, robot.limbs - 1).read(limb, place.entry(0))
+        Integer(1, len(robot.every_limb[limb].joint_limits)).read(joint, place.entry(1))
+        robot = robot.with_failed_joint(limb, joint, angle)
+    return robot
 
 
 def start_with_failed_joints(
+    graph: StanceGraph, failed: Sequence[FailedJoint], start: Start
+) -> tuple[StanceGraph, Start]:
+    """Return the graph of the robot that results, and a start of the whole robot in its terms.
+
+    Other joints move in that robot, so that joint angles are those of others. Raises as
+    `robot_with_failed_joints`, and a `SettingError` if a joint that has failed is not at its angle
+    at the start.
+    """
+    robot = robot_with_failed_joints(graph.robot, failed)
+    start = _start_of(graph, robot, failed, start)
+    return in_same_world(graph, robot=robot), start
+
+
+def _start_of(
     graph: StanceGraph, robot: RobotSpec, failed: Sequence[FailedJoint], start: Start
 ) -> Start:
-    """Return a start of the graph of the whole robot in the terms of one that holds other joints.
-
-    Other joints move in that robot, so that joint angles are those of others. Raises a
-    `SettingError` if a joint that has failed is not at its angle at the start.
-    """
+    """Return a start of the whole robot in the terms of one that holds other joints."""
     points, pose, joints = start
     if isinstance(points, State):
         if not (pose is None and joints is None):

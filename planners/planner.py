@@ -16,8 +16,7 @@ from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.failed_joint_starts import plan_with_failed_joints
-from mlivr_gym.planners.failed_joints import FailedJoint, Start
+from mlivr_gym.planners.failed_joints import FailedJoint, start_with_failed_joints
 from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
@@ -163,11 +162,9 @@ class Planner(OnGraph):
             searches that use no node table, see `searches`.
         failed_joints
             Joints that are locked from now on: for each the limb from 0, the joint of its arm from
-            1 and the angle [rad]. A limb with a joint to spare moves on, see
-            `RobotSpec.with_failed_joint`; of three limbs and more, one without lets go and folds,
-            and the plan is one of the other limbs. Start joints, and a state as start, are those of
-            the robot before; each failed joint must be at its angle there. The robot of the plan is
-            the one that results; its graph is built in each call.
+            1 and the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as
+            start, are those of the robot before; each failed joint must be at its angle there. The
+            robot of the plan is the one that results; its graph is built in each call.
 
         Returns
         -------
@@ -181,17 +178,15 @@ class Planner(OnGraph):
             too close together or too far apart, or a goal outside the cabin; the message names it.
         """
         if failed_joints:
-
-            def planned(graph: StanceGraph, given: Start, seconds: float | None) -> PlanningResult:
-                return Planner(graph).plan(
-                    given[0], goal, cost, regrasp_price=regrasp_price, method=method,
-                    heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
-                    goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                    time_limit=seconds, effort=effort, route=route, progress=progress,
-                )  # fmt: skip
-
-            given = start, start_pose, start_joints
-            return plan_with_failed_joints(self.graph, failed_joints, given, planned, time_limit)
+            graph, given = start_with_failed_joints(
+                self.graph, failed_joints, (start, start_pose, start_joints)
+            )
+            return Planner(graph).plan(
+                given[0], goal, cost, regrasp_price=regrasp_price, method=method,
+                heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
+                goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
+                time_limit=time_limit, effort=effort, route=route, progress=progress,
+            )  # fmt: skip
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )

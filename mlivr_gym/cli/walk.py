@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 from mlivr_gym.cli.arguments import (
     BOXES,
@@ -23,7 +23,6 @@ from mlivr_gym.cli.arguments import (
 from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
-from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.closed_loop_film import closed_loop_film
@@ -32,6 +31,7 @@ from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.pictures.plan_figure import walk_figure
 from mlivr_gym.schema import Choice
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.boxes import Box
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -46,8 +46,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "box that the robot believes in, though it is gone [m]; may be repeated"
     option(parser, "--gone X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
-    text = "line on which a crew member crosses the cabin at 0.5 m/s [m]; may be repeated"
-    option(parser, "--crew X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     text = "time of each planning [s]; if it finds no plan, it is tried once for four times as long"
     option(parser, "--time-limit S", text, type=float)
     option(parser, "--blind", "switch the cameras off")
@@ -85,14 +83,12 @@ def run(args: argparse.Namespace) -> int:
     start, goal = chosen_task(graph, args)
     unknown, gone = numbered_boxes("unknown", args.unknown), numbered_boxes("gone", args.gone)
     graph.add_obstacles(gone)
-    crew = [CrewMember(tuple(line[:3]), tuple(line[3:])) for line in args.crew]
     record = run_closed_loop(
         graph, start, goal, args.cost,
         goal_tolerance=args.tolerance,
         unknown=unknown,
         gone=[box.id for box in gone],
         refusing=args.refusing,
-        crew=crew,
         camera=None if args.blind else DepthCamera(noise=args.noise),
         setup=Setup.of(args.pace, args.controller, disturbances=args.disturbances),
         seed=args.seed,
@@ -107,7 +103,6 @@ def run(args: argparse.Namespace) -> int:
         f"{record.outcome}: {record.reason}\n{record.steps} steps in {record.duration:.1f} s, "
         f"at most {record.peak_force:.0f} N at a grasp"
         + (f"; replanning {times.mean():.0f} ms on average" if len(times) else "")
-        + (f"; {_distance_told(record.crew_distance)}" if record.crew_distance is not None else "")
     )
     with all_or_none(args):
         if args.out:
@@ -118,27 +113,20 @@ def run(args: argparse.Namespace) -> int:
             walk_figure(graph.grasp_map, record.plans, args.picture, boxes)
             print(f"picture: {pictures[0]}, {pictures[1]}")
         if args.film is not None:
-            _film(args, graph, record, unknown=unknown, crew=crew)
-    if record.crew_distance is not None and record.crew_distance <= 0.0:
-        return FAILED
+            _film(args, graph, record, unknown)
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
 
 
 def _film(
-    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, **there: Any
+    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, unknown: Sequence[Box]
 ) -> None:
-    """Film a walk among unknown boxes and crew members, or print why it cannot be filmed."""
+    """Film a walk among unknown boxes, or print why it cannot be filmed."""
     footage = record.footage
     if footage is None or not footage.recordings:
         print("no film: the robot did not move")
         return
-    make = partial(closed_loop_film, graph, record, args.film, **there)
+    make = partial(closed_loop_film, graph, record, args.film, unknown=unknown)
     make_film(args, args.film, footage.recording, make)
-
-
-def _distance_told(distance: float) -> str:
-    """Return what is told of the smallest distance from crew members [m]."""
-    return f"at least {distance:.2f} m from the crew" if distance > 0.0 else "it touched the crew"
 
 
 def _show(event: Event) -> None:

@@ -26,9 +26,7 @@ import numpy as np
 
 from mlivr_gym.arguments import SEED, Function, InstanceOf, checked
 from mlivr_gym.closed_loop.course import Course
-from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.evasion import PROOF, TRIED_IN_TURN, Rest
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.errors import MlivrError, SettingError
@@ -39,7 +37,7 @@ from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
 from mlivr_gym.planners.why_not import goal_occupancy
 from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.stances.obstacles import IDS
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -60,9 +58,6 @@ that of a search for any plan if none is found, some five seconds."""
 FAULT = "sensing or planning failed"
 """Reason of a stop after an error of the package."""
 
-HOLDING_TIME = 2.0
-"""Time after which a robot that cannot make way looks again for a step [s]."""
-
 
 @checked(
     {
@@ -70,7 +65,6 @@ HOLDING_TIME = 2.0
         "unknown": ListOf(InstanceOf(Box), 0, MAX_PARTS),
         "gone": IDS,
         "refusing": STANCE,
-        "crew": ListOf(InstanceOf(CrewMember), 0, 100),
         "camera": OrNone(InstanceOf(DepthCamera)),
         "setup": OrNone(InstanceOf(Setup)),
         "seed": SEED,
@@ -90,7 +84,6 @@ def run_closed_loop(
     unknown: Sequence[Box] = (),
     gone: Sequence[str] = (),
     refusing: Sequence[str | int] = (),
-    crew: Sequence[CrewMember] = (),
     camera: DepthCamera | None = None,
     setup: Setup | None = None,
     seed: int = 0,
@@ -121,8 +114,6 @@ def run_closed_loop(
         them up when its cameras have looked through them.
     refusing
         Points, by id or index, that refuse a grasp, which the robot does not know.
-    crew
-        Crew members who cross the cabin. The robot is told where they are and how they move.
     camera
         The depth cameras, by default none: the robot is then blind.
     setup
@@ -187,7 +178,7 @@ def run_closed_loop(
         occupancy = goal_occupancy(graph, goal, goal_tolerance)
         return "; ".join(filter(None, (occupancy, result.message)))
 
-    loop = _Loop(executor, (planner, plan_from, why_none), (camera, tuple(crew)), seed, show)
+    loop = _Loop(executor, (planner, plan_from, why_none), camera, seed, show)
     loop.record.footage = Footage() if filmed else None
     try:
         loop.run(start, refusing_points, max_steps)
@@ -203,13 +194,12 @@ class _Loop:
         self,
         executor: StepExecutor,
         planning: tuple[Planner, Callable[..., PlanningResult], Callable[[PlanningResult], str]],
-        around: tuple[DepthCamera | None, tuple[CrewMember, ...]],
+        camera: DepthCamera | None,
         seed: int,
         show: Callable[[Event], None] | None,
     ) -> None:
-        (camera, self._crew), self.graph = around, executor.graph
         planner, plan_from, self._why_none = planning
-        self._robot = SensingRobot(executor, camera, seed, self._crew, show)
+        self.graph, self._robot = executor.graph, SensingRobot(executor, camera, seed, show)
         self._executor, self._belief = executor, self._robot.belief
         self.record, self._course = self._robot.record, Course(self._belief, planner, plan_from)
         self.withdraw = self._belief.withdraw
@@ -240,10 +230,9 @@ class _Loop:
             if plan is None:
                 continue
             if self._course.taken == len(plan.steps):
-                if not self._evades():
-                    away = executor.configuration[0] - np.array(plan.query.goal)
-                    distance = np.linalg.norm(away)
-                    self._robot.end(ARRIVED, f"the base is {distance:.3f} m from the goal")
+                away = executor.configuration[0] - np.array(plan.query.goal)
+                distance = np.linalg.norm(away)
+                self._robot.end(ARRIVED, f"the base is {distance:.3f} m from the goal")
             elif attempts == max_steps:
                 self._robot.end(STOPPED, f"no arrival within {max_steps} attempted steps")
             else:
@@ -254,10 +243,7 @@ class _Loop:
         record.refused = tuple(ids[point] for point in sorted(occupied))
 
     def _plan(self, state: State) -> Plan | None:
-        """Look round, and plan the remainder of the walk.
-
-        If there is no plan, the walk ends, unless the robot has to make way where it is.
-        """
+        """Look round, and plan the remainder of the walk; if there is no plan, the walk ends."""
         robot = self._robot
         try:
             if robot.fault is not None:
@@ -271,8 +257,6 @@ class _Loop:
             return None
         plan = self._course.plan
         if plan is None:
-            if self._evades():
-                return None
             is_proved = result.reason in PROVED_IMPOSSIBLE
             self.record.proved = is_proved and not self._belief.avoided
             robot.end(STOPPED, self._why_none(result))
@@ -292,8 +276,8 @@ class _Loop:
         return result
 
     def _step(self, plan: Plan) -> None:
-        """Take the next step of a plan; if a crew member is in the way, make way for it."""
-        executor, taken = self._executor, self._course.taken
+        """Attempt the next step of a plan, planning on from its end meanwhile."""
+        executor, taken, looks = self._executor, self._course.taken, count(1)
         limb, name = plan.actions[taken]
         executor.follow(plan)
         moves, point = self.graph.successors(executor.state), self.graph.grasp_map.index(name)
@@ -301,52 +285,12 @@ class _Loop:
         prepared = self._robot.prepared(limb, point, branch_sets)
         if prepared is None:
             return
-        wait: float | None = 0.0
-        if self._crew:
-            rest = Rest(executor.state, executor.joints)
-            evasion = self._robot.evasion
-            wait = evasion.waiting_time(rest, prepared, executor.simulation.time)
-        if wait is None:
-            self._evade(prepared)
-        elif self._attempt(prepared, wait):
-            self._course.taken += 1
-            self.record.add_step(plan, taken)
-
-    def _attempt(self, prepared: PreparedStep, wait: float, is_hasty: bool = False) -> bool:
-        """Wait and attempt a step, planning on from its end; return whether it was done."""
-        looks = count(1)
 
         def plan_ahead() -> None:
             began = time.perf_counter()
             if next(looks) % LOOKS == 0 and self._course.plan_ahead(prepared.after):
                 self.record.times_ahead.append(time.perf_counter() - began)
 
-        return self._robot.attempt(prepared, wait, plan_ahead, is_hasty)
-
-    def _evades(self) -> bool:
-        """Make way if a crew member comes to where the robot is; return whether one does."""
-        executor = self._executor
-        rest, now = Rest(executor.state, executor.joints), executor.simulation.time
-        step = self._robot.evasion.departure(rest, now) if self._crew else None
-        if step is not None:
-            self._evade(step)
-        return step is not None
-
-    def _evade(self, prepared: PreparedStep) -> None:
-        """Take the first step out of the lanes of crew members in place of a step.
-
-        The step is hasty if only a way out without delays is left. The robot holds if it is best to
-        stay, or if no way out keeps any distance.
-        """
-        executor = self._executor
-        rest, now = Rest(executor.state, executor.joints), executor.simulation.time
-        for margins in TRIED_IN_TURN:
-            escape = self._robot.evasion.escape(rest, now, margins)
-            if margins == PROOF and escape.steps is None:
-                self.record.is_crew_unavoidable |= escape.is_exhausted and now == 0.0
-            if escape.steps is not None:
-                break
-        if escape.steps:
-            self._attempt(*escape.steps[0], is_hasty=margins[1] == 0.0)
-        else:
-            self._robot.hold(HOLDING_TIME, prepared)
+        if self._robot.attempt(prepared, plan_ahead):
+            self._course.taken += 1
+            self.record.add_step(plan, taken)

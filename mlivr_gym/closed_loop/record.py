@@ -23,8 +23,6 @@ LINES = {
     "freed": "has looked through {cubes} cubes that it saw before",
     "doubts": "finds no plan, and doubts {box}, which it has not seen",
     "planned": "plans {steps} steps",
-    "waits": "waits {duration:.0f} s for a crew member to pass",
-    "holds": "holds all points, since no step leads away from a crew member",
     "step": "limb {limb} takes {point} in {duration:.1f} s",
     "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
     "blocked": "limb {limb} has no way to {point} ({failure})",
@@ -38,8 +36,8 @@ class Event:
     """Something that happened in a closed loop."""
 
     kind: str
-    """`"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"waits"`, `"holds"`, `"step"`,
-    `"refused"`, `"blocked"` or `"end"`."""
+    """`"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"step"`, `"refused"`, `"blocked"`
+    or `"end"`."""
     time: float
     """Simulated time [s]."""
     values: dict[str, Any]
@@ -102,11 +100,6 @@ class ClosedLoopRecord:
     """Largest force of a grasp [N]."""
     duration: float = 0.0
     """Simulated time [s]."""
-    crew_distance: float | None = None
-    """Smallest distance from a crew member [m]; None if there is none."""
-    is_crew_unavoidable: bool = False
-    """Whether the search for a way out of the lanes of crew members was exhausted at the start: no
-    sequence of steps, with waits of whole seconds, keeps the distance; see `evasion`."""
     footage: Footage | None = None
     """What a film shows; None if none was asked for."""
 
@@ -141,8 +134,6 @@ class ClosedLoopRecord:
             "steps": self.steps,
             "duration": self.duration,
             "peak_force": self.peak_force,
-            "crew_distance": self.crew_distance,
-            "is_crew_unavoidable": self.is_crew_unavoidable,
             "sensed": [box.to_dict() for box in self.sensed],
             "refused": list(self.refused),
             "events": [

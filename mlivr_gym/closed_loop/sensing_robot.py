@@ -6,16 +6,14 @@ It decides nothing: which step to attempt is chosen by the closed loop (`loop`),
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import cycle
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
-from mlivr_gym.closed_loop.evasion import Evasion
 from mlivr_gym.closed_loop.record import FAILED, ClosedLoopRecord, Event
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.motion.trajectory import Trajectory
@@ -28,10 +26,7 @@ from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
 from mlivr_gym.transitions.state import State
 
 ATTEMPTS = 2
-"""Number of times that a limb reaches for a point before the point counts as occupied.
-
-In each of them the controller may approach several times, see `ControllerParameters.attempts`.
-"""
+"""Number of times that a limb reaches for a point before the point counts as occupied."""
 
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""
@@ -54,8 +49,6 @@ class SensingRobot(Independent):
         What carries out its steps.
     belief
         What it believes of the module.
-    evasion
-        Ways out of the lanes of crew members.
     record
         What happened so far.
     refused
@@ -72,19 +65,17 @@ class SensingRobot(Independent):
         executor: StepExecutor,
         camera: DepthCamera | None,
         seed: int,
-        crew: Sequence[CrewMember] = (),
         show: Callable[[Event], None] | None = None,
     ) -> None:
-        """Prepare a robot with or without depth cameras among crew members.
+        """Prepare a robot with or without depth cameras.
 
         The seed is that of the disturbances and of the noise of the cameras; `show` is called with
         each event.
         """
         self.graph, self.executor, self.record = executor.graph, executor, ClosedLoopRecord()
-        self._camera, self._crew, self._seed, self._show = camera, crew, seed, show
+        self._camera, self._seed, self._show = camera, seed, show
         self._rng = np.random.default_rng([seed, 3])
         self.belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
-        self.evasion = Evasion(executor, self.belief.shapes, crew)
         self._attempts, self._freed = dict[int, int](), 0
         self.refused: str | None = None
         self.fault: Exception | None = None
@@ -166,27 +157,17 @@ class SensingRobot(Independent):
         self.belief.avoid(point)
         return None
 
-    def attempt(
-        self,
-        step: PreparedStep,
-        wait: float = 0.0,
-        plan_ahead: Callable[[], None] | None = None,
-        is_hasty: bool = False,
-    ) -> bool:
-        """Wait [s], take a step, and go back if it fails; return whether it ended with a grasp.
+    def attempt(self, step: PreparedStep, plan_ahead: Callable[[], None] | None = None) -> bool:
+        """Take a step, and go back if it fails; return whether it ended with a grasp.
 
-        `plan_ahead` is called after each look of the cameras that saw nothing in the way. In haste
-        the gripper takes hold sooner, see `Guidance.is_close`. The record ends if the robot cannot
-        go back.
+        `plan_ahead` is called after each look of the cameras that saw nothing in the way. The
+        record ends if the robot cannot go back.
         """
         executor, grasps = self.executor, step.trajectory.grasps
-        executor.simulation.is_hasty = is_hasty
         limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
         point = int(grasps[-1, limb])
         self.intervals = []
-        if wait:
-            self.note("waits", duration=wait)
-        _, executed = executor.take(step, self._watch(plan_ahead), wait)
+        _, executed = executor.take(step, self._watch(plan_ahead))
         self._measure(executed)
         failure, name = executed.failure, self._name(point)
         self.refused = None if failure is None else NOTICED.get(failure.kind)
@@ -218,21 +199,13 @@ class SensingRobot(Independent):
         where = "on the way back, " if is_back else ""
         self.end(FAILED, f"{where}{failure.kind}: {failure.message}")
 
-    def hold(self, duration: float, step: PreparedStep) -> None:
-        """Hold all points for some time [s], where a step begins."""
-        self.note("holds", duration=duration)
-        self._measure(self.executor.hold(duration, step))
-
     def _measure(self, executed: SimulatedInterval) -> None:
-        """Record the largest force, and the smallest distance from crew members."""
+        """Record the motion and the largest force."""
         record = self.record
         self.intervals.append(executed)
         if record.footage is not None:
             record.footage.recordings.append(executed.recording)
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
-        if self._crew:
-            before = np.inf if record.crew_distance is None else record.crew_distance
-            record.crew_distance = min(before, self.evasion.distance_during(executed.recording))
 
     def _name(self, point: int) -> str:
         """Return the id of a point."""

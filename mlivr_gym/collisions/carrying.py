@@ -99,24 +99,18 @@ def carrying_robot(
     )
 
 
-def folds(
-    robot: RobotSpec, limb: int, cargo: Cargo, locked: tuple[int, float] | None = None
-) -> list[Array]:
+def folds(robot: RobotSpec, limb: int, cargo: Cargo) -> list[Array]:
     """Return folds of a limb inside its joint limits, those with the nearest bag first.
 
     Folds with the bag above the body come before those with a bag beside it, where the other limbs
-    move. Below it lie the points that they hold: there a bag must not reach. `locked` is a joint,
-    from 1, that has failed and its angle [rad].
+    move. Below it lie the points that they hold: there a bag must not reach.
     """
     kinematics, mount = robot.every_limb[limb], robot.mounted[limb]
     quarters, steps = np.arange(4) * 0.5 * np.pi, np.arange(-np.pi, np.pi - 1e-9, FOLD_STEP)
     grid = [quarters, steps, steps, steps, quarters[1::2], np.zeros(1)]
-    (low, high), fixed = kinematics.windows.T, np.zeros(6, dtype=bool)
-    if locked is not None:
-        grid[locked[0] - 1], fixed[locked[0] - 1] = np.array([locked[1]]), True
-    angles = np.array(list(product(*grid)))
-    angles = np.where(fixed, angles, low + np.mod(angles - low, 2.0 * np.pi))
-    angles = angles[((angles <= high) | fixed).all(axis=1)]
+    low, high = kinematics.windows.T
+    angles = low + np.mod(np.array(list(product(*grid))) - low, 2.0 * np.pi)
+    angles = angles[(angles <= high).all(axis=1)]
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = mount.rotation, mount.position
     flanges = frame @ link_frames(kinematics, angles)[:, 6]

@@ -159,7 +159,7 @@ class MlivrEnv(StanceGraphEnv):
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
-    `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], `attempts`, `step_time` and
+    `peak_grasp_force` [N], `peak_grasp_torque` [N m], `base_error` [m], `step_time` and
     `simulated_time` [s].
 
     ## Arguments

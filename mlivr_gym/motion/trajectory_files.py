@@ -94,11 +94,6 @@ def message_time(time: float) -> dict[str, int]:
     return {"sec": seconds, "nanosec": nanoseconds}
 
 
-def message_header(time: float, frame: str) -> dict[str, Any]:
-    """Return a `std_msgs/msg/Header` of ROS 2 with a time [s] and the name of a frame."""
-    return {"stamp": message_time(time), "frame_id": frame}
-
-
 @checked(ARGUMENTS)
 def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     """Return a trajectory as plain data with the fields of `trajectory_msgs/msg/JointTrajectory`.
@@ -109,7 +104,7 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     kinds = ("positions", "velocities", "accelerations")
     values = {kind: getattr(trajectory, f"joint_{kind}") for kind in kinds}
     return {
-        "header": message_header(0.0, ""),
+        "header": {"stamp": message_time(0.0), "frame_id": ""},
         "joint_names": joint_names(trajectory),
         "points": [
             {kind: values[kind][k].ravel().tolist() for kind in kinds}

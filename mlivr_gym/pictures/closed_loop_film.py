@@ -7,11 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.arguments import InstanceOf, checked
-from mlivr_gym.arrays import Array
-from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.record import ClosedLoopRecord
 from mlivr_gym.errors import SettingError
 from mlivr_gym.pictures.film import (
@@ -25,7 +21,7 @@ from mlivr_gym.pictures.film import (
 )
 from mlivr_gym.pictures.rendering import Shot
 from mlivr_gym.pictures.route import Route
-from mlivr_gym.pictures.scene_shapes import add_box, add_capsule, rgba
+from mlivr_gym.pictures.scene_shapes import add_box
 from mlivr_gym.schema import ListOf
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
@@ -33,8 +29,8 @@ from mlivr_gym.world.boxes import Box
 UNKNOWN_OPACITY = 0.25
 """Opacity of a box that the robot does not know, relative to one that it has seen."""
 
-CREW_COLOUR, LABEL_COLOUR = "#4477aa", "#5a1a00"
-"""Colours of crew members, and of the ids of unknown boxes."""
+LABEL_COLOUR = "#5a1a00"
+"""Colour of the ids of unknown boxes."""
 
 
 def news_at(record: ClosedLoopRecord, time: float) -> str:
@@ -56,16 +52,12 @@ def _progress_at(record: ClosedLoopRecord, time: float) -> str:
     return f"step {done + 1} of {done + planned[0]}"
 
 
-def _add_shapes(
-    scene: Any, unknown: Sequence[Box], sensed: Sequence[Box], crew: Sequence[tuple[Array, float]]
-) -> None:
-    """Add boxes that are unknown and that were sensed, and the capsules of crew members."""
+def _add_boxes(scene: Any, unknown: Sequence[Box], sensed: Sequence[Box]) -> None:
+    """Add boxes that are unknown and that were sensed."""
     for box in unknown:
         add_box(scene, box, UNKNOWN_OPACITY)
     for box in sensed:
         add_box(scene, box)
-    for ends, radius in crew:
-        add_capsule(scene, ends, radius, rgba(CREW_COLOUR))
 
 
 @checked(
@@ -73,7 +65,6 @@ def _add_shapes(
         **FILM,
         "record": InstanceOf(ClosedLoopRecord),
         "unknown": ListOf(InstanceOf(Box)),
-        "crew": ListOf(InstanceOf(CrewMember)),
     }
 )
 def closed_loop_film(
@@ -82,7 +73,6 @@ def closed_loop_film(
     path: str | Path,
     *,
     unknown: Sequence[Box] = (),
-    crew: Sequence[CrewMember] = (),
     size: tuple[int, int] = DEFAULT_SIZE,
     speed: float | None = None,
     progress: Callable[[int], None] | None = None,
@@ -90,8 +80,8 @@ def closed_loop_film(
     """Film a walk in the closed loop; the further arguments and errors are those of `film.film`.
 
     Shown are the boxes that the robot does not know, pale and with their ids; what it has sensed of
-    them up to the time of the picture; the plan that it follows at that time; crew members who
-    crossed the cabin; and captions with time, number of the step and what happened last.
+    them up to the time of the picture; the plan that it follows at that time; and captions with
+    time, number of the step and what happened last.
 
     The graph is that of what the robot knew at the start, without obstacles that were gone; the
     record is that of a walk with `filmed=True`. Raises a `SettingError` if it has no footage, or
@@ -109,13 +99,8 @@ def closed_loop_film(
     for k, time in zip(samples, [*recording.times[samples[:-1]], record.duration], strict=True):
         seen = [boxes for at, boxes in footage.looks if at <= time]
         followed = [plan for at, plan in footage.plans if at <= time]
-        capsules = [
-            (member.middles(np.array([time]))[0] + ends, float(radius))
-            for member in crew
-            for ends, radius in zip(*member.capsules, strict=True)
-        ]
         sensed = seen[-1] if seen else ()
-        draw = partial(_add_shapes, unknown=unknown, sensed=sensed, crew=capsules)
+        draw = partial(_add_boxes, unknown=unknown, sensed=sensed)
         counted = _progress_at(record, time)
         clock = f"{time:.0f} s of {record.duration:.0f} s (x{speed:g}), {counted}"
         route = Route.of(graph.grasp_map, followed[-1]) if followed else None

@@ -2,9 +2,8 @@
 
 A limb of seven joints of which one is held has another choice: the failed joint is held, and the
 one that was held moves. Its plans are those of the robot that results. A limb of six joints has no
-choice: it can hold its point, but neither step nor follow the body, see `planners.folded_limb`; nor
-has one of seven joints of which two have failed. The limits of a failed joint are the one angle at
-which it is locked.
+choice: it can hold its point, but neither step nor follow the body; nor has one of seven joints of
+which two have failed. The limits of a failed joint are the one angle at which it is locked.
 """
 
 from __future__ import annotations
@@ -35,13 +34,10 @@ def fields_with_failed_joint(
     if joint not in range(1, joints + 1):
         raise RobotError(f"joint is {joint!r}; it must be a whole number from 1 to {joints}")
     if whole.held_joint is None:
-        others = "only a limb of seven joints plans on"
-        if robot.limbs > 2:
-            others = "but with failed_joints of plan it folds, and the others walk"
         raise RobotError(
             f"limb {limb} has {joints} joints: with joint {joint} failed it can hold its point, "
             "but neither step nor follow the body, so no plan moves a robot that it holds; "
-            f"{others}"
+            "only a limb of seven joints plans on"
         )
     if whole.failed_joint is not None:
         if (joint, angle) == (whole.failed_joint, whole.held_angle):

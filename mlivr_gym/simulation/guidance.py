@@ -24,8 +24,9 @@ CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
 REST_SPEEDS = 0.004, 0.01
 """Linear and angular speed below which the gripper counts as at rest [m/s, rad/s]."""
 
-HASTE = 3.0
-"""Factor by which these errors and speeds may be larger in haste."""
+PATIENCE = 6.0
+"""Longest time for which a gripper waits at the end of its approach until it is close and at rest,
+in time constants of the guidance."""
 
 FILTER_MEMORY = 0.8
 """Weight of the previous error in the low-pass filter, at each reading of the sensor."""
@@ -55,10 +56,9 @@ class Guidance:
         self._rng = np.random.default_rng([disturbance.seed, 2])
         self._filtered: Array | None = None
 
-    def start(self, limb: int, point: int, is_hasty: bool = False) -> None:
-        """Start to guide a limb to a point, given by its index, in haste or not."""
+    def start(self, limb: int, point: int) -> None:
+        """Start to guide a limb to a point, given by its index."""
         self._limb, self._point, self._filtered = limb, point, None
-        self._share = 1.0 / HASTE if is_hasty else 1.0
 
     @property
     def is_close(self) -> bool:
@@ -66,13 +66,13 @@ class Guidance:
 
         A grasp stops a gripper at once through its damper. The motion of the gripper relative to
         the points held therefore counts, which includes the slow oscillation of the robot on its
-        support limbs. In haste all of them may be `HASTE` times as large.
+        support limbs.
         """
         if self._filtered is None:
             return False
         away, turned = np.linalg.norm(self._filtered[:3]), np.linalg.norm(self._filtered[3:])
         moves, turns = self._grippers.relative_speed(self._limb, self._controller.speeds)
-        found = self._share * np.array([away, turned, moves, turns])
+        found = np.array([away, turned, moves, turns])
         return bool((found < (CLOSE_POSITION, CLOSE_ANGLE, *REST_SPEEDS)).all())
 
     def correct(self, trajectory: Trajectory, k: int) -> None:

@@ -71,8 +71,7 @@ class SimulatedRobot:
     release. `time` is that since the reset [s], `mass` that of the robot [kg]. The controller knows
     neither the `disturbance` nor the points that are `refusing` all grippers. With
     `is_localised`, by default off, cameras measure where the robot is, see `localisation`, for
-    controllers that align their references. With `is_hasty`, by default off, a gripper that is
-    guided takes hold sooner, see `Guidance.is_close`.
+    controllers that align their references.
     """
 
     @checked(
@@ -103,7 +102,7 @@ class SimulatedRobot:
         self.data = mujoco.MjData(self.model)
         self.time, self._time_steps, self._plan_step = 0.0, 0, 0
         self.refusing: frozenset[int] = frozenset()
-        self.is_localised = self.is_hasty = False
+        self.is_localised = False
         self._rng = np.random.default_rng([self.disturbance.seed, 4])
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
@@ -217,7 +216,7 @@ class SimulatedRobot:
         """Simulate an interval of a phase, guided during an approach; see `JointController.run`."""
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
-        guides = self.controller.guided and phase == "approach" and free
+        guides = self.controller.guidance > 0.0 and phase == "approach" and free
         localises = self.is_localised and self.controller.align_references
         senses = guides or localises
         period = self.count_time_steps(self.controller.sensor_period) if senses else last - first

@@ -40,7 +40,7 @@ MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
     "peak_grasp_torque", "base_error", "step_time", "simulated_time",
 )  # fmt: skip
-"""Keys of `StepExecutor.measures` in addition to `failure` and `attempts`."""
+"""Keys of `StepExecutor.measures` in addition to `failure`."""
 
 
 class PreparedStep(NamedTuple):
@@ -50,11 +50,6 @@ class PreparedStep(NamedTuple):
     """The trajectory."""
     after: State
     """The state after it, with one branch for each limb."""
-
-    @property
-    def at_rest(self) -> Trajectory:
-        """The trajectory of a robot that stays where the step begins."""
-        return self.trajectory.at(np.zeros(2, dtype=np.int64))
 
 
 class StepExecutor:
@@ -110,7 +105,7 @@ class StepExecutor:
             self.joints = graph.configuration(self.state)[2]
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
-        self.measures = {"failure": None, "attempts": 0} | dict.fromkeys(MEASURES, 0.0)
+        self.measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
         return self.state
 
     def draw(self, stream: Any) -> int:
@@ -135,26 +130,16 @@ class StepExecutor:
         prepared = self.prepared(limb, point, branch_sets)
         if isinstance(prepared, Failure):
             measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": prepared.time}
-            self.measures = {"failure": prepared.to_dict(), "attempts": 0} | measures
+            self.measures = {"failure": prepared.to_dict()} | measures
             return self.state, prepared
         return self.take(prepared)
 
     def prepared(
-        self,
-        limb: int,
-        point: int,
-        branch_sets: tuple[int, ...],
-        before: tuple[State, Array] | None = None,
+        self, limb: int, point: int, branch_sets: tuple[int, ...]
     ) -> PreparedStep | Failure:
-        """Return a step from the present state that can be taken, or the failure `"no swing"`.
-
-        `before` is a state with one branch for each limb, and joint angles (N, 6) [rad], from which
-        the step begins in place of the present ones. The plan that is followed is then left aside.
-        """
-        state, joints = before or (self.state, self.joints)
-        after = state.stance_after(limb, point)
-        result = self._planned(after) if before is None else None
-        result = result or self._committed(state, joints, State(after, branch_sets))
+        """Return a step from the present state that can be taken, or the failure `"no swing"`."""
+        after = self.state.stance_after(limb, point)
+        result = self._planned(after) or self._committed(State(after, branch_sets))
         if result is None:
             return self._not_begun(limb, point, "no swing was found")
         regrasp, reached = result
@@ -166,19 +151,14 @@ class StepExecutor:
         return PreparedStep(timed, reached)
 
     def take(
-        self, prepared: PreparedStep, watch: PathWatch | None = None, wait: float = 0.0
+        self, prepared: PreparedStep, watch: PathWatch | None = None
     ) -> tuple[State, SimulatedInterval]:
-        """Wait for some time [s], and take a step that was prepared for the present state.
+        """Take a step that was prepared for the present state; return the same as `step`.
 
-        `watch` looks ahead during the step. Returned is the same as by `step`.
+        `watch` looks ahead during the step.
         """
         begin, self._executed = self.simulation.time, prepared.trajectory
-        waited = self.hold(wait, prepared) if wait else None
-        if waited is not None and waited.failure is not None:
-            return self.state, waited
         executed = self.simulation.execute(prepared.trajectory, self.steps_done, watch)
-        if waited is not None:
-            executed = executed.after(waited)
         if executed.failure is None:
             self.steps_done += 1
             self.state, self.joints = prepared.after, prepared.trajectory.joint_positions[-1]
@@ -200,10 +180,6 @@ class StepExecutor:
         """Go back to the present state from a step at whose end nothing was grasped."""
         self._plan = None
         return self.simulation.retreat(self._executed, self.steps_done)
-
-    def hold(self, duration: float, prepared: PreparedStep) -> SimulatedInterval:
-        """Hold all points for some time [s], where a step begins."""
-        return self.simulation.stand_still(prepared.at_rest, duration, self.steps_done)
 
     def _not_begun(self, limb: int, point: int, why: str) -> Failure:
         """Return the failure of a step that could not start."""
@@ -230,15 +206,13 @@ class StepExecutor:
         )
         return regrasp, State(after, branch_sets)
 
-    def _committed(
-        self, state: State, joints: Array, reached: State
-    ) -> tuple[Regrasp, State] | None:
+    def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
         Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
-        regrasp, edge = self._regrasp(state, joints, reached.stance)
+        regrasp, edge = self._regrasp(reached.stance)
         for option in self._options(reached, regrasp.limb):
             branches = (*regrasp.branches[:-1], bits_of(option.branch_sets[regrasp.limb])[0] & 7)
             grasp_joints = graph.configuration(option)[2][regrasp.limb]
@@ -248,9 +222,9 @@ class StepExecutor:
                 return committed.regrasp, option
         return None
 
-    def _regrasp(self, state: State, joints: Array, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
+    def _regrasp(self, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
         """Return the step to a stance without grasp branch and swing, and its edge."""
-        graph = self.graph
+        graph, state, joints = self.graph, self.state, self.joints
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
         limb = moving_limb(state.stance, after)
@@ -301,7 +275,6 @@ def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[st
         "peak_grasp_force": float(peaks.grasp_force.max()),
         "peak_grasp_torque": float(peaks.grasp_torque.max()),
         "base_error": peaks.base_error,
-        "attempts": 0 if capture is None else capture.attempts,
         "step_time": time - begin,
         "simulated_time": time,
     }

@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass
 
 import numpy as np
-import pytest
 
 from mlivr_gym.cli.main import main
 from mlivr_gym.closed_loop import depth_camera
@@ -75,15 +74,6 @@ def test_each_kind_of_failure_that_is_noticed_has_its_line():
 def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
     assert main([*START, *FAR_GOAL, *BAG, "--blind"]) == 1
     assert "collision" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(("distance", "code"), [(0.1, 0), (-0.1, 1)])
-def test_a_walk_that_touches_the_crew_has_failed(capsys, monkeypatch, distance, code):
-    record = ClosedLoopRecord(ARRIVED, "the base is at the goal", crew_distance=distance)
-    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", lambda *_, **__: record)
-    assert main([*START, *GOAL, "--crew", "2.2", "0.0", "-0.3", "2.3", "0.0", "-0.3"]) == code
-    told = "it touched the crew" if code else "at least 0.10 m from the crew"
-    assert told in capsys.readouterr().out
 
 
 def test_what_is_gone_is_believed_during_the_walk(monkeypatch):

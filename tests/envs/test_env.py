@@ -119,7 +119,6 @@ def test_a_plan_is_replayed_in_simulation(checked_graph, plan):
         assert info["failure"] is None
         assert info["stance"] == plan.stances[k + 1]
         assert 0.0 < info["capture_distance"] < 0.01
-        assert info["attempts"] == 1
         total_time += info["step_time"]
         assert 0.0 < info["peak_torque"] < 0.8 * 150.0
         assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()

@@ -7,7 +7,6 @@ from gl_there import gl_or_skip
 from PIL import Image
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.closed_loop.crew import CrewMember
 from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.hit_cubes import CUBE
 from mlivr_gym.closed_loop.loop import run_closed_loop
@@ -21,9 +20,8 @@ from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
-CREW = CrewMember((3.0, -3.0, 0.2), (3.0, 3.0, 0.2), speed=0.5, begin=1.0)
 SPEED, SIZE = 25.0, (160, 120)
-BOX, CAPSULE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CAPSULE
+BOX = mujoco.mjtGeom.mjGEOM_BOX
 
 
 class WatchedCamera(DepthCamera):
@@ -75,7 +73,7 @@ def drawn(graph, record, tmp_path_factory):
         patch.setattr(film, "SceneRenderer", Painter)
         patch.setattr(rendering, "with_caption", lambda one, text, _: told.append(text) or one)
         path = tmp_path_factory.mktemp("film") / "walk.gif"
-        closed_loop_film(graph, record, path, unknown=[BAG], crew=[CREW], size=SIZE, speed=SPEED)
+        closed_loop_film(graph, record, path, unknown=[BAG], size=SIZE, speed=SPEED)
     times = [*np.arange(0.0, record.duration, SPEED / 25.0), record.duration]
     return list(zip(times, kept, zip(told[::2], told[1::2], strict=True), strict=True))
 
@@ -116,16 +114,11 @@ def test_a_picture_shows_what_was_seen_by_then(drawn):
     assert len(set(counts)) > 4  # what is seen changes along the film
 
 
-def test_the_unknown_box_is_pale_and_the_crew_is_where_it_is(drawn):
-    for time, (_, geoms, _), _ in drawn:
+def test_the_unknown_box_is_pale(drawn):
+    for _, (_, geoms, _), _ in drawn:
         ((centre, half),) = boxes_of(geoms, filming.UNKNOWN_OPACITY)
         np.testing.assert_allclose(centre, BAG.centre, atol=1e-6)
         np.testing.assert_allclose(half, BAG.half, atol=1e-6)
-        body, arms = (geom for geom in geoms if geom.type == CAPSULE)
-        middle = (3.0, -3.0 + min(0.5 * max(time - 1.0, 0.0), 6.0), 0.2)
-        for capsule in (body, arms):
-            np.testing.assert_allclose(capsule.pos, middle, atol=0.011)
-        assert body.size[0] == pytest.approx(CREW.radius)
 
 
 def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record):

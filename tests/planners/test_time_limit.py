@@ -3,7 +3,6 @@
 import sys
 import time
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from mlivr_gym.compiled import kernels
 from mlivr_gym.planners import (
     Planner,
     backward_search,
-    failed_joint_starts,
     label_search,
     level_search,
     lower_bounds,
@@ -235,20 +233,3 @@ def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
     with pytest.raises(OutOfTime):
         next(seen)
     assert now[0] <= clock.deadline + 0.3
-
-
-def test_all_starts_of_a_robot_with_a_failed_joint_share_the_time(monkeypatch):
-    """The limit is not that of each."""
-    now, told = [0.0], []
-    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
-    starts = [(f"graph {k}", f"start {k}") for k in range(9)]
-    monkeypatch.setattr(failed_joint_starts, "starts_with_failed_joints", lambda *_: iter(starts))
-
-    def plan(graph, start, seconds):
-        told.append(seconds)
-        now[0] += min(seconds, 0.8)
-        return SimpleNamespace(plan=None)
-
-    failed_joint_starts.plan_with_failed_joints(None, (), None, plan, 2.0)
-    assert told == pytest.approx([2.0, 1.2, 0.4, 0.0])
-    assert now[0] == pytest.approx(2.0)

@@ -83,8 +83,6 @@ def test_a_failed_joint_cannot_be_held_at_another_angle_later():
     [
         ("mlivr2", (0, 3, 0.1), "limb 0 has 6 joints: with joint 3 failed it can hold its point, "
          "but neither step nor follow the body"),
-        ("mlivr3", (0, 3, 0.1), "a robot that it holds; but with failed_joints of plan it "
-         "folds, and the others walk"),
         ("mlivr2-iiwa", (0, 4, 0.1), "limb 0 cannot move with joint 4 failed: limb"),
         ("mlivr2-iiwa", (0, 1, 3.1), "held_angle is 3.1 rad; joint 1 turns from"),
         ("mlivr2-iiwa", (0, 2, 0.0), "with joint 2 held there joints 1 and 3 are in line"),

@@ -10,7 +10,6 @@ from public_api import parameters
 from things import MAKERS
 
 from mlivr_gym import MlivrError, robot_spec
-from mlivr_gym.closed_loop.ros_messages import point_cloud_message
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
 from mlivr_gym.schema import FieldPath
 
@@ -112,9 +111,6 @@ SPECIAL = {
         "stow": of.free[1],
         "limbs": [0],
     },
-    "CrewMember.middles": lambda of: {"times": np.zeros(2)},
-    "point_cloud_message": lambda of: {"points": []},
-    "points_of_message": lambda of: {"message": point_cloud_message([], 0.0)},
     "Belief": lambda of: {"noise": 0.003},
     "Belief.add_hits": lambda of: {"hits": []},
     "Belief.is_blocked": lambda of: {"first": 0},

@@ -257,7 +257,6 @@ MAKERS = {
     "ClosedLoopRecord": walked,
     "Event": lambda of: Event("end", 0.0, {"outcome": "arrived", "reason": ""}),
     "Footage": lambda of: Footage(),
-    "CrewMember": lambda of: mlivr("closed_loop.crew").CrewMember((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)),
     "Look": lambda of: Look(np.zeros((1, 3)), np.zeros((1, 3))),
     "DepthCamera": lambda of: DepthCamera(pixels=3),
     "Belief": lambda of: Belief(of["TwoLimbGraph"], 0.003),
