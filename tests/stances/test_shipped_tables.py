@@ -7,6 +7,7 @@ import pytest
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
+from mlivr_gym.paper import case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.stances.table_files import TableFiles
@@ -15,6 +16,7 @@ from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 WORLDS = {
     "default": stance_graph,
     "without collisions": lambda: stance_graph(settings=Settings(collisions=False)),
+    "case 1, steps": lambda: case_graph(1, default_setup(), "steps"),
 }
 STANCES = 20
 
@@ -64,7 +66,7 @@ def assert_same_steps(graph, fresh, chosen):
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
 
 
-def test_a_table_ships_for_the_default_world_with_and_without_collisions_and_no_other():
+def test_a_table_ships_for_each_of_these_worlds_and_no_other():
     names = set()
     for world in WORLDS.values():
         graph = world()
