@@ -158,7 +158,7 @@ MAKERS = {
     "StanceGraphEnv": lambda of: of["MlivrEnv"],
     "ClosedLoopEnv": lambda of: environment(of, ClosedLoopEnv),
     "UnknownMapEnv": lambda of: environment(of, UnknownMapEnv),
-    "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map, precompute=True)),
+    "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map)),
     "ActionMaskObservation": lambda of: ActionMaskObservation(of["MlivrEnv"]),
     "PointObservation": lambda of: mlivr("agents.features").PointObservation(of["MlivrEnv"]),
     "Observation": lambda of: of["MlivrEnv"].reset(seed=0)[0],
