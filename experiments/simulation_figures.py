@@ -9,6 +9,7 @@ from mlivr_gym.robot.limb_dynamics import arm_dynamics
 from mlivr_gym.simulation.controller import DELAYED, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE
 from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.guidance import PATIENCE
 from mlivr_gym.simulation.limits import PACES
 
 LIMITS = {
@@ -47,8 +48,8 @@ def controller() -> str:
         "* `full`, the default, is `feedforward` with a *guided* approach: a sensor on the gripper "
         "sees its point with a noise of\n"
         f"  {1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
-        f"guides the limb to it. The gripper waits at most {full.patience:g} s until it is close, "
-        f"and makes at most {full.attempts} approaches.\n"
+        f"guides the limb to it. The gripper waits at most {PATIENCE / full.guidance:g} s "
+        "until it is close.\n"
         "  Gains differ for supporting and free limbs: in a sampled controller, the velocity gain "
         "of a joint must stay below its\n  inertia divided by the period.\n"
         f"* `delayed` is `full` with gains for a delay of {1e3 * DELAYED.delay:g} ms from a "

@@ -21,14 +21,14 @@ from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.plan import best_candidate
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import NoPlanError, PlanError, SettingError
+from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.extras import require
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Integer
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.viewer.frames import load_recording, plan_frames
+from mlivr_gym.viewer.frames import load_recording
 from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
 
 HOST, PORT = "127.0.0.1", 8080
@@ -43,8 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     world_options(parser)
     obstacle_options(parser)
     query_options(parser)
-    text = "plan to show; given twice, the second plan is compared with the first"
-    option(parser, "--plan FILE", text, [], action="append")
+    option(parser, "--plan FILE", "plan to show")
     option(parser, "--execution FOLDER", "folder that `mlivr-gym simulate` has written")
     option(parser, "--out FILE", "write a page to this HTML file instead of serving it")
     text = "network interface of the server; the default is reachable from this computer alone"
@@ -80,23 +79,19 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> None:
     """Refuse options that contradict each other."""
-    if len(args.plan) > 2:
-        raise SettingError(f"--plan is given {len(args.plan)} times; give it at most twice")
     if args.execution and args.plan:
         raise SettingError(
             "give only one of --plan and --execution; the folder of an execution has its plan"
         )
-    if args.out and len(args.plan) > 1:
-        raise SettingError("--out takes one plan; leave it out to compare two on a served page")
     if args.plan or args.execution:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
 
 
 def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
-    """Return the first live plan, and the recording of its execution if there is one."""
+    """Return the live plan, and the recording of its execution if there is one."""
     if args.plan or args.execution:
         folder = Path(args.execution or "")
-        file = args.plan[0] if args.plan else folder / FILES[0]
+        file = args.plan or folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
         recording = load_recording(folder / FILES[1], plan) if args.execution else None
         with Progress("building the stance graph", quiet=args.quiet):
@@ -123,21 +118,11 @@ def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None
     from mlivr_gym.viewer.panel import add_panel
     from mlivr_gym.viewer.viewer import Viewer
 
-    second = None
-    if len(args.plan) > 1:
-        second = Plan.load(args.plan[1], live.graph.grasp_map)
-        if second.world.robot != live.graph.robot:
-            raise PlanError(
-                f"plan {args.plan[1]!r} is for robot {second.world.robot.name!r}, the first one "
-                f"for {live.graph.robot.name!r}; only plans of the same robot can be compared"
-            )
     page = Page(args.host, args.port, "mlivr-gym")
     viewer = Viewer(page, live, recording, capsules=args.capsules)
     try:
         if recording is not None:
             viewer.speed = 10.0
-        if second is not None:
-            viewer.compare(second, plan_frames(live.graph, second))
         add_panel(viewer)
         viewer.refresh()
         print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)

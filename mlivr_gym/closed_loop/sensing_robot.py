@@ -26,10 +26,7 @@ from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
 from mlivr_gym.transitions.state import State
 
 ATTEMPTS = 2
-"""Number of times that a limb reaches for a point before the point counts as occupied.
-
-In each of them the controller may approach several times, see `ControllerParameters.attempts`.
-"""
+"""Number of times that a limb reaches for a point before the point counts as occupied."""
 
 BLIND_PERIOD = 1.0
 """Time between two looks of a robot without cameras [s], which see nothing."""

@@ -48,6 +48,10 @@ from mlivr_gym.robot.specification import MOST_LIMBS
 MOST_HALVINGS = 10
 """An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""
 
+FIRST_TURN = 4.0
+"""Sum of the turns of a limb up to which a line is one interval at first [rad]; affects the speed
+only."""
+
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
 
@@ -106,6 +110,8 @@ class LineScratch(Record):
     """Base there."""
     intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
     """Stack of intervals."""
+    pending: LineInterval
+    """The comparisons that remain for all of several lines."""
     is_leader: bool
     """Whether it was the base or its leader, without the other limbs, that was not clear."""
     jacobian: Annotated[Array, (6, 6)]
@@ -118,9 +124,30 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
 
     Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
     """
-    intervals = scratch.intervals
-    _start(robot, scratch.compared, intervals[0])
-    top = 1
+    line, most, parts = scratch.line, 0.0, 1
+    for i in range(robot.limb_count):
+        if has(scratch.compared.boxes | scratch.compared.itself, i):
+            turned = 0.0
+            for j in range(6):
+                turned += abs(line.last[i].q[j] - line.first[i].q[j])
+            most = max(most, turned)
+    # Little can be told of all of a long line at once.
+    while most > FIRST_TURN * parts:
+        parts *= 2
+    for k in range(parts):
+        interval = scratch.intervals[0]
+        begin_comparing(robot, scratch.compared, interval)
+        interval.middle, interval.half = (k + 0.5) / parts, 0.5 / parts
+        result = check_pending(robot, grid, clearance, scratch)
+        if result != CLEAR:
+            return result
+    return CLEAR
+
+
+@part
+def check_pending(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Make the comparisons of the first interval in `scratch`, the whole line; see `check_line`."""
+    intervals, top = scratch.intervals, 1
     while top > 0:
         top -= 1
         interval = intervals[top]
@@ -136,8 +163,22 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
     return CLEAR
 
 
-@part
-def _start(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
+@kernel
+def check_around(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Check the middle of the line in `scratch`, and all that is as near to it in each joint.
+
+    Returns `CLEAR` if the robot keeps the clearance at all joint angles that differ from those in
+    the middle by no more than the ends do, in each joint on its own, so on any curve through them;
+    the cause of a collision in the middle; else `UNDECIDED`. The comparisons are those of the first
+    interval, where those that are undecided remain.
+    """
+    interval = scratch.intervals[0]
+    _place(robot, interval, scratch)
+    return _compare(robot, grid, clearance, interval, scratch)
+
+
+@kernel
+def begin_comparing(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
     """Set an interval to the whole line, with everything to be compared."""
     interval.middle = interval.half = 0.5
     for i in range(robot.limb_count):
@@ -158,6 +199,12 @@ def _halve(first: LineInterval, second: LineInterval) -> None:
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
+    copy_pending(first, second)
+
+
+@kernel
+def copy_pending(first: LineInterval, second: LineInterval) -> None:
+    """Give the second interval the comparisons that remain for the first."""
     for i in range(MOST_LIMBS):
         second.boxes[i], second.itself[i] = first.boxes[i], first.itself[i]
         second.body[i] = first.body[i]

@@ -11,7 +11,7 @@ limbs that hold the same robot then do not work against each other. During depar
 offset decays, so that errors do not accumulate over steps: that of the free limb, and the part of
 the others that a motion of the base takes back, see `compatible_motions`. The rest of it would load
 grasps against each other. With cameras it decays to the offset that `localisation` finds in place
-of zero. During a `guided` approach the offset of the swing limb follows what a sensor on the
+of zero. During a guided approach the offset of the swing limb follows what a sensor on the
 gripper measures of the point.
 
 A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
@@ -37,11 +37,10 @@ gripper loads it at once through its damper.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar
 
-from mlivr_gym.schema import Flag, Integer, Tuples
+from mlivr_gym.schema import Flag, Tuples
 from mlivr_gym.simulation.parameter_set import ParameterSet
 
 PositionGains = Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e6, "N m/rad")]
@@ -78,29 +77,20 @@ class ControllerParameters(ParameterSet):
     recovery: Annotated[float, Tuples((), 1e-3, 1e6, "s")] = 1.0
     """Time constant with which the offset of the references decays during departure and swing
     [s]."""
-    guided: Annotated[bool, Flag()] = True
-    """Whether a sensor on the gripper guides the approach."""
+    guidance: Annotated[float, Tuples((), 0.0, 100.0, "1/s")] = 1.0
+    """Gain of the guidance of an approach by a sensor on the gripper: rate at which the measured
+    error is removed [1/s]; 0 for no guidance."""
     sensor_period: Annotated[float, Tuples((), 1e-4, 1.0, "s")] = 0.02
     """Sampling period of that sensor [s]."""
-    guidance: Annotated[float, Tuples((), 0.0, 100.0, "1/s")] = 1.0
-    """Gain of the guidance: rate at which the measured error is removed [1/s]."""
-    patience: Annotated[float, Tuples((), 0.0, 60.0, "s")] = 6.0
-    """Longest time for which the gripper waits at the end of the approach until the measured error
-    is small and the gripper is at rest [s]."""
-    attempts: Annotated[int, Integer(1, 10)] = 2
-    """Largest number of approaches to a point. On all but the last the gripper must also be close
-    to the point by its own sensor before it grasps."""
     delay: Annotated[float, Tuples((), 0.0, 0.1, "s")] = 0.0
     """Delay from a reading to its torque for which the gains are reduced [s]. A reading is compared
     with the reference of its time."""
 
     label: ClassVar[str] = "controller"
-    renamed: ClassVar[Mapping[str, str]] = {"rebase": "align_references", "tries": "attempts"}
 
 
 PAPER = ControllerParameters(
-    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, align_references=False, guided=False,
-    attempts=1,
+    *((100.0,) * 6, (50.0,) * 6) * 2, feedforward=False, align_references=False, guidance=0.0
 )  # fmt: skip
 """The controller of the paper: PD control along a trajectory, with the same gains for all joints.
 
@@ -115,7 +105,7 @@ is three times as soft as assumed."""
 
 STATION = ControllerParameters(
     kp_free=(2e5, 2e5, 1e5, 1e4, 5e3, 300.0), kd_free=(1e5, 1e5, 5e4, 5e3, 2e3, 100.0),
-    kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.1, patience=60.0,
+    kp_hold=(2e5,) * 6, kd_hold=(1e5,) * 6, recovery=20.0, guidance=0.1,
 )  # fmt: skip
 """Gains for arms of the size of a space station's.
 

@@ -16,7 +16,7 @@ surface of the point that it holds, leaves or grasps.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
@@ -73,7 +73,6 @@ class Physics(ParameterSet):
     controller stops there."""
 
     label: ClassVar[str] = "physics"
-    renamed: ClassVar[Mapping[str, str]] = {"limit_margin": "joint_limit_tolerance"}
 
 
 STATION = Physics(

@@ -85,7 +85,6 @@ class Execution:
             "steps": len(self.plan.steps),
             "steps_done": len(self.captures),
             "step_times_s": self.step_times.tolist(),
-            "attempts": [capture.attempts for capture in self.captures],
             "simulated_time_s": self.simulated_time,
             "preparation_time_s": self.trajectory_computing_time,
             "simulation_time_s": self.simulation_computing_time,

@@ -24,6 +24,10 @@ CLOSE_POSITION, CLOSE_ANGLE = 0.001, float(np.deg2rad(0.4))
 REST_SPEEDS = 0.004, 0.01
 """Linear and angular speed below which the gripper counts as at rest [m/s, rad/s]."""
 
+PATIENCE = 6.0
+"""Longest time for which a gripper waits at the end of its approach until it is close and at rest,
+in time constants of the guidance."""
+
 FILTER_MEMORY = 0.8
 """Weight of the previous error in the low-pass filter, at each reading of the sensor."""
 

@@ -49,7 +49,7 @@ class Reference(NamedTuple):
     """Feedforward torques, shape (k, 6 N) [N m]."""
 
     def at(self, indices: IntArray, sense: float = 1.0) -> Reference:
-        """Return the reference at some indices; `sense` scales velocities, -1 runs backwards."""
+        """Return the reference at some indices; `sense` scales velocities, 0 for a rest there."""
         return Reference(
             self.positions[indices], sense * self.speeds[indices], self.torques[indices]
         )

@@ -39,8 +39,6 @@ class RunOutcome(NamedTuple):
     """Number of steps of the plan."""
     done: int
     """Number of steps that ended with a grasp."""
-    attempts: int
-    """Largest number of approaches to a point."""
     time: float
     """Time at the end of the simulation [s]."""
     capture_distance: float
@@ -149,7 +147,6 @@ def _outcomes(
                 message=None if failure is None else failure.message,
                 steps=len(timed.steps),
                 done=len(captures),
-                attempts=max((capture.attempts for capture in captures), default=0),
                 time=simulation.time,
                 capture_distance=max((capture.distance for capture in captures), default=0.0),
                 grasp_force=float(peaks.grasp_force.max()),

@@ -17,8 +17,6 @@ class ParameterSet:
     """Name of the parameter set in messages."""
     presets: ClassVar[Mapping[str, Any]] = {}
     """Parameter sets that can be given by name."""
-    renamed: ClassVar[Mapping[str, str]] = {}
-    """New name of each field that had another name in an earlier version."""
 
     def __post_init__(self) -> None:
         """Check every parameter."""
@@ -30,9 +28,6 @@ class ParameterSet:
 
         Raises a `SettingError` if no parameter set has this name, or a field is unknown or invalid.
         """
-        for old, new in cls.renamed.items():
-            if isinstance(given, dict) and old in given:
-                raise SettingError(f"{cls.label} has the field {old!r}, whose name is now {new!r}")
         known = cls.presets or None
         found: Self = cls._schema().given(given, FieldPath(cls.label, SettingError), known)
         return found

@@ -70,8 +70,6 @@ class Capture:
     """Distance between gripper and point just before [m]."""
     angle: float
     """Angle between gripper and grasp just before, modulo half turns about the normal [rad]."""
-    attempts: int = 1
-    """Number of approaches."""
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ class Setup:
     Examples
     --------
     >>> setup = Setup.of("gentle", "feedforward", disturbances="all")
-    >>> setup.timing.grasp_force, setup.controller.guided, setup.disturbances.payload
-    (25.0, False, 5.0)
+    >>> setup.timing.grasp_force, setup.controller.guidance, setup.disturbances.payload
+    (25.0, 0.0, 5.0)
     """
 
     timing: Annotated[Limits | Durations, InstanceOf(Limits, Durations)] = field(

@@ -216,7 +216,7 @@ class SimulatedRobot:
         """Simulate an interval of a phase, guided during an approach; see `JointController.run`."""
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
-        guides = self.controller.guided and phase == "approach" and free
+        guides = self.controller.guidance > 0.0 and phase == "approach" and free
         localises = self.is_localised and self.controller.align_references
         senses = guides or localises
         period = self.count_time_steps(self.controller.sensor_period) if senses else last - first

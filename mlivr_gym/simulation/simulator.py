@@ -11,6 +11,7 @@ from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.simulation.grippers import can_capture
+from mlivr_gym.simulation.guidance import PATIENCE
 from mlivr_gym.simulation.joint_controller import Reference
 from mlivr_gym.simulation.recording import Capture, Failure
 from mlivr_gym.simulation.simulated_robot import CHECK_INTERVAL, SimulatedInterval, SimulatedRobot
@@ -106,32 +107,23 @@ class Simulation(SimulatedRobot):
             return bool(turned_at)
 
         period = CHECK_INTERVAL if watch is None else self.count_time_steps(watch.period)
-        runs, attempts = [self.run(trajectory, reference, enter, look=(period, look))], 1
+        runs = [self.run(trajectory, reference, enter, look=(period, look))]
         if turned_at and runs[-1].failure is None:
             back = self._turned_back(trajectory, turned_at[0])
             if back is not None:
                 return self._turn_back(runs[-1], back, turned_at[0], ends)
             rest = np.arange(turned_at[0], len(trajectory.times))
             runs.append(self.run(trajectory.at(rest), reference.at(rest), enter))
-        refused = False
-        while runs[-1].failure is None:
-            runs += self._wait_until_close(trajectory, reference)
-            captured = can_capture(self.physics, *self.grasp_error(limb, point))
-            refused = self.refuses(point)
-            sure = captured and (self._guidance.is_close or not self.controller.guided)
-            last = attempts == self.controller.attempts
-            if (sure and not refused) or last or runs[-1].failure is not None:
-                break
-            attempts += 1
-            runs += self._repeat_approach(trajectory, reference)
+        if runs[-1].failure is None and self.controller.guidance and not self._guidance.is_close:
+            runs.append(self._wait_until_close(trajectory, reference))
         whole = runs[-1].after(*runs[:-1])
-        failure = whole.failure or self._grasp_failure(limb, point, refused)
+        failure = whole.failure or self._grasp_failure(limb, point)
         if failure is not None:
             return whole._replace(failure=failure)
         distance, angle = self.grasp_error(limb, point)
         self._grippers.attach(limb, point)
         name = self.grasp_map.ids[point]
-        capture = Capture(self.time, step, limb, name, distance, angle, attempts)
+        capture = Capture(self.time, step, limb, name, distance, angle)
         return whole._replace(capture=capture)
 
     def _turned_back(self, trajectory: Trajectory, sample: int) -> Trajectory | None:
@@ -185,25 +177,10 @@ class Simulation(SimulatedRobot):
         last = np.full(self.count_time_steps(duration) + 1, len(trajectory.times) - 1)
         return self.run(trajectory.at(last), reference.at(last, 0.0), until=until)
 
-    def _wait_until_close(
-        self, trajectory: Trajectory, reference: Reference
-    ) -> list[SimulatedInterval]:
-        """Stay at the end of the approach until the gripper is close, or patience ends."""
-        if not self.controller.guided or self._guidance.is_close:
-            return []
-        patience = self.controller.patience
-        return [self._stand_still(trajectory, reference, patience, lambda: self._guidance.is_close)]
-
-    def _repeat_approach(
-        self, trajectory: Trajectory, reference: Reference
-    ) -> list[SimulatedInterval]:
-        """Move back above the point and approach it again."""
-        approach = np.flatnonzero(trajectory.phase == len(PHASES) - 1)
-        back = approach[::-1]
-        runs = [self.run(trajectory.at(back), reference.at(back, -1.0))]
-        if runs[-1].failure is None:
-            runs.append(self.run(trajectory.at(approach), reference.at(approach)))
-        return runs
+    def _wait_until_close(self, trajectory: Trajectory, reference: Reference) -> SimulatedInterval:
+        """Stay at the end of the approach until the gripper is close, for some time at most."""
+        longest = PATIENCE / self.controller.guidance
+        return self._stand_still(trajectory, reference, longest, lambda: self._guidance.is_close)
 
     def _moving(self, trajectory: Trajectory) -> tuple[int, int]:
         """Return the limb that moves on a trajectory, and the point that it grasps."""
@@ -222,7 +199,7 @@ class Simulation(SimulatedRobot):
             raise SimulationError("a trajectory must be that of one step, in which one limb moves")
         return int(moving[0]), int(trajectory.grasps[-1, moving[0]])
 
-    def _grasp_failure(self, limb: int, point: int, refused: bool) -> Failure | None:
+    def _grasp_failure(self, limb: int, point: int) -> Failure | None:
         """Return why a gripper cannot grasp a point, or None if it can."""
         (distance, angle), physics = self.grasp_error(limb, point), self.physics
         name, kind = self.grasp_map.ids[point], "refused grasp"
@@ -235,7 +212,7 @@ class Simulation(SimulatedRobot):
                 f"{1e3 * physics.capture_distance:g} mm and "
                 f"{np.rad2deg(physics.capture_angle):g} deg"
             )
-        elif not refused:
+        elif not self.refuses(point):
             return None
         values = {
             "distance_m": distance, "allowed_distance_m": physics.capture_distance,

@@ -41,7 +41,7 @@ MEASURES = (
     "capture_distance", "capture_angle", "peak_torque", "torque_rms", "peak_grasp_force",
     "peak_grasp_torque", "base_error", "step_time", "simulated_time",
 )  # fmt: skip
-"""Keys of `StepExecutor.measures` in addition to `failure` and `attempts`."""
+"""Keys of `StepExecutor.measures` in addition to `failure`."""
 
 
 class PreparedStep(NamedTuple):
@@ -106,7 +106,7 @@ class StepExecutor:
             self.joints = graph.configuration(self.state)[2]
         position, quaternion, _ = graph.configuration(self.state)
         self.simulation.reset(position, quaternion, self.joints, self.state.stance)
-        self.measures = {"failure": None, "attempts": 0} | dict.fromkeys(MEASURES, 0.0)
+        self.measures = {"failure": None} | dict.fromkeys(MEASURES, 0.0)
         return self.state
 
     def draw(self, stream: Any) -> int:
@@ -131,7 +131,7 @@ class StepExecutor:
         prepared = self.prepared(limb, point, branch_sets)
         if isinstance(prepared, Failure):
             measures = dict.fromkeys(MEASURES, 0.0) | {"simulated_time": prepared.time}
-            self.measures = {"failure": prepared.to_dict(), "attempts": 0} | measures
+            self.measures = {"failure": prepared.to_dict()} | measures
             return self.state, prepared
         return self.take(prepared)
 
@@ -276,7 +276,6 @@ def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[st
         "peak_grasp_force": float(peaks.grasp_force.max()),
         "peak_grasp_torque": float(peaks.grasp_torque.max()),
         "base_error": peaks.base_error,
-        "attempts": 0 if capture is None else capture.attempts,
         "step_time": time - begin,
         "simulated_time": time,
     }

@@ -53,7 +53,7 @@ COLUMNS: dict[str, dict[str, str]] = {
     "plan": PLAN_COLUMNS,
     "simulate": PLAN_COLUMNS
     | {
-        "failure": "string", "done": "int64", "attempts": "int64", "duration": "double",
+        "failure": "string", "done": "int64", "duration": "double",
         "grasp_force": "double", "base_error": "double",
     },
     "evaluate": {
@@ -188,9 +188,8 @@ def _simulate_row(world: _World, task: int) -> Row:
     seed = world.design.seed * 10**6 + task + 1
     (outcome,) = execute_many(graph, [found.plan], setup, seed=seed, workers=1)
     return row | {
-        "failure": outcome.failure or "", "done": outcome.done, "attempts": outcome.attempts,
-        "duration": outcome.time, "grasp_force": outcome.grasp_force,
-        "base_error": outcome.base_error,
+        "failure": outcome.failure or "", "done": outcome.done, "duration": outcome.time,
+        "grasp_force": outcome.grasp_force, "base_error": outcome.base_error,
     }  # fmt: skip
 
 

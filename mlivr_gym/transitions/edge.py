@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of
+from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of, codes_of
 from mlivr_gym.transitions.line_steps import OTHER_FOLD
 
 
@@ -32,7 +32,7 @@ def edge_of(step: Any, limbs: int) -> Edge:
     fold, line_branches = int(step["fold"]), int(step["line_branches"])
     if limbs == 2:
         first = min((bits_of(branch_set)[0] for branch_set in kept.values()), default=0)
-        code = int(step["swings"]) >> 4 * (first % BRANCHES) & 15  # see `bit_sets.code_of`
+        code = codes_of(step["swings"])[first % BRANCHES]
         fold = code if kept and code < OTHER_FOLD else -1
         line_branches = line_branches if fold < 0 else -1
     return Edge(int(step["path_kind"]), fold, line_branches, kept)

@@ -201,8 +201,10 @@ def _fold_of(
         _set_fold(known, robot, moving, lines)
         if is_clear(world.first, support, moving, robot, world, lines):
             return known
-        if lines.is_leader or step.recheck == STORED_ALONE:
+        if lines.is_leader:
             return UNSERVED
+    if step.recheck == STORED_ALONE:
+        return UNSERVED
     for fold in range(robot.fold_count):
         if has(folds, fold) and not (step.recheck and fold == known):
             _set_fold(fold, robot, moving, lines)

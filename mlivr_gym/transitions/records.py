@@ -12,12 +12,12 @@ from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.transitions.departures import Departure
 
 STORED_ALONE, STORED_FIRST = 1, 2
 """Values of `StepRecord.recheck`."""
@@ -134,10 +134,11 @@ class StepScratch(Record):
     """Pairs of branches, those with the shortest line first."""
     travel: Annotated[Array, (BRANCHES * BRANCHES,)]
     """Lengths of these lines [rad]."""
+    departure: Departure
+    """Departure under check."""
     start: Angles
     """Joint angles at the start of a swing."""
     end: Angles
     """Joint angles at its end."""
-    axes: JointAxes
     group: Annotated[IntArray, (BRANCHES,), np.int64]
     """Group of branches, joined by lines, that each branch belongs to."""

@@ -44,9 +44,6 @@ MARKED_SCALE = 1.8
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Angles of the initial line of sight [deg]."""
 
-SECOND_ELEVATION = -9.0
-"""Elevation of the line of sight if a second module is shown below [deg]."""
-
 OCCUPIED_RADIUS = 0.035
 """Radius of the balls at occupied points [m]."""
 
@@ -55,15 +52,6 @@ LABEL_LIFT = 0.09
 
 GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
 """Colours of the previous plan's base path, of explored steps and of obstacles."""
-
-SECOND_OFFSET = np.array([0.0, 0.0, -3.4])
-"""Position of the module of a second plan relative to the first [m]."""
-
-SEPARATE, OVERLAID, HIDDEN = "in a module below", "in the same module", "hidden"
-"""Choices of where a second plan is shown."""
-
-GHOST_OPACITY = 0.35
-"""Opacity of the robot of a second plan in the same module."""
 
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 """Quaternion of the identity rotation, w, x, y, z."""
@@ -156,7 +144,7 @@ def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
     return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
-def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> None:
+def draw_robot(page: Page, name: str, scene: Scene) -> None:
     """Draw the robot with a node for each link."""
     page.remove(name)
     page.frame(name)
@@ -164,8 +152,7 @@ def draw_robot(page: Page, name: str, scene: Scene, opacity: float = 1.0) -> Non
         page.frame(_node(name, link))
     for k, solid in enumerate(scene.robot):
         if not solid.covered:
-            colour = (*solid.colour[:3], solid.colour[3] * opacity)
-            page.mesh(f"{_node(name, solid.link)}/shape{k}", solid.mesh, colour)
+            page.mesh(f"{_node(name, solid.link)}/shape{k}", solid.mesh, solid.colour)
 
 
 def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
@@ -224,20 +211,6 @@ def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
         page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), to_rgba(GHOST_PATH))
 
 
-def draw_second(page: Page, where: str, grasp_map: GraspMap, scene: Scene, plan: Plan) -> None:
-    """Draw a second plan translucent in the same module, in a module below, or not at all."""
-    page.remove("second")
-    if where == HIDDEN:
-        return
-    page.frame("second", position=SECOND_OFFSET if where == SEPARATE else np.zeros(3))
-    draw_robot(page, "second/robot", scene, 1.0 if where == SEPARATE else GHOST_OPACITY)
-    if where == OVERLAID:
-        draw_pale_path(page, "second/path", plan)
-    else:
-        draw_plan(page, "second/plan", grasp_map, plan)
-        draw_module(page, "second/module", scene)
-
-
 def draw_tree(page: Page, tree: Array) -> None:
     """Draw explored steps by the base positions at their ends, shape (e, 2, 3) [m]."""
     page.remove("tree")
@@ -252,14 +225,13 @@ def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Ar
     return np.concatenate([grasp_map.positions, goal[None], bases])
 
 
-def aim_camera(page: Page, positions: Array, aspect: float, elevation: float = ELEVATION) -> Array:
+def aim_camera(page: Page, positions: Array, aspect: float) -> Array:
     """Move the camera so that it sees all of some positions (k, 3) [m]; return its position [m].
 
-    `aspect` is the width of the picture divided by its height; the line of sight has an elevation
-    [deg] above the horizon.
+    `aspect` is the width of the picture divided by its height.
     """
     x, y, z = (0.5 * (positions.min(axis=0) + positions.max(axis=0))).tolist()
-    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=elevation)
+    camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=ELEVATION)
     camera = camera.seeing(positions, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
     page.set_camera(eye, np.array(camera.lookat))

@@ -1,4 +1,4 @@
-"""Colours of points by their meaning: reachable by a step, why not, or a policy's probabilities."""
+"""Colours of points by their meaning: reachable by a step, or why not."""
 
 from __future__ import annotations
 
@@ -6,12 +6,8 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import numpy as np
-
-from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.pictures.robot_shapes import pale
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State, Successors
@@ -35,9 +31,6 @@ REASONS = {
     "held": ("held", POINT_COLOUR),
 }
 """Legend and colour of each reason, by a part of its sentence; the first match counts."""
-
-MIN_PROBABILITY = 0.005
-"""Minimum probability of an action in a legend."""
 
 FREE_COLOUR = "#2b8a3e"
 """Colour of points that a step reaches, if reasons are shown."""
@@ -93,22 +86,6 @@ def blocked_marks(graph: StanceGraph, state: State, limb: int) -> Marks:
     ]
     chosen = [p for p, colour in enumerate(colours) if colour != FAINT_COLOUR]
     return Marks(colours, legend, chosen)
-
-
-def policy_marks(graph: StanceGraph, probability: Array) -> Marks:
-    """Return colours of a policy's probabilities, shape (N, m); darker means more probable."""
-    colours = [FAINT_COLOUR] * len(graph.grasp_map)
-    best = probability.argmax(axis=0)
-    for point in np.flatnonzero(probability.sum(axis=0) > 0.0).tolist():
-        share = float(np.sqrt(probability[best[point], point]))
-        colours[point] = pale(LIMB_COLOURS[best[point]], 0.8 * (1.0 - share))
-    order = np.argsort(-probability, axis=None, kind="stable")[:5]
-    legend = []
-    for limb, point in zip(*np.unravel_index(order, probability.shape), strict=True):
-        if probability[limb, point] >= MIN_PROBABILITY:
-            text = f"limb {limb} → {graph.grasp_map.ids[point]}: {probability[limb, point]:.0%}"
-            legend.append((LIMB_COLOURS[limb], text))
-    return Marks(colours, legend, np.flatnonzero(probability.sum(axis=0) > 0.0).tolist())
 
 
 def why_not(graph: StanceGraph, state: State, limb: int, point: int, steps: Successors) -> str:

@@ -6,20 +6,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mlivr_gym.extras import describe_missing
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
-from mlivr_gym.viewer.drawing import HIDDEN, OVERLAID, SEPARATE
 from mlivr_gym.viewer.live_plan import PRICE
-from mlivr_gym.viewer.policy_view import REQUIRED_PACKAGES
 from mlivr_gym.viewer.viewer import (
     AIM,
     BLOCK,
     EXPLAIN,
     PLAIN,
     PLOTS,
-    POLICY,
     REACH,
     WHY,
     Viewer,
@@ -42,12 +38,6 @@ def add_panel(viewer: Viewer) -> None:
         _add_changing(viewer)
     with page.gui.add_folder("Show"):
         _add_showing(viewer)
-    if viewer.second is not None:
-        with page.gui.add_folder("Second plan"):
-            shown = page.gui.add_dropdown(
-                "shown", (OVERLAID, SEPARATE, HIDDEN), initial_value=OVERLAID
-            )
-            page.item("second", shown, viewer.place_second)
     for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
             lambda event, points=points: viewer.clicked(int(points[event.instance_index]))
@@ -65,7 +55,7 @@ def _add_playing(viewer: Viewer) -> None:
     """Add scrubber, buttons, speed and plots."""
     page, gui = viewer.page, viewer.page.gui
     page.text("where")
-    duration = max(viewer.duration, 0.1)
+    duration = max(viewer.frames.duration, 0.1)
     page.item("time", gui.add_slider("time [s]", 0.0, duration, 0.01, 0.0), viewer.scrub)
     actions: dict[str, Callable[[], None]] = {
         BACK: lambda: viewer.jump(-1),
@@ -109,10 +99,10 @@ def _add_showing(viewer: Viewer) -> None:
     """Add the items that choose what is shown."""
     page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
     reasons = [f"{WHY}{limb}" for limb in range(graph.limbs)]
-    choices = (PLAIN, REACH, *reasons, POLICY)
+    choices = (PLAIN, REACH, *reasons)
     points = gui.add_dropdown("colours show", choices, initial_value=PLAIN)
     page.item("points", points, viewer.set_colouring)
-    page.text("legend", describe_missing(*REQUIRED_PACKAGES, extra="agents"))
+    page.text("legend")
 
     def switch(label: str, on: bool, on_change: Callable[[bool], None], hint: str = "") -> None:
         page.item(label, gui.add_checkbox(label, on, hint=hint or None), on_change)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.marks import Marks
 
@@ -28,24 +27,6 @@ def summary(live: LivePlan, cause: str | None = None) -> str:
         steps, length = len(live.previous.steps), live.previous.base_translation
         lines.append(f"previous plan: {steps} steps, {length:.3f} m (pale)")
     return "  \n".join(lines)
-
-
-def comparison_table(first: Plan | None, second: Plan) -> str:
-    """Compare two plans in a table."""
-    names = ("steps", "translation [m]", "minimum w_m", "minimum w_b")
-    columns = [_figures(plan) if plan else ("none",) * len(names) for plan in (first, second)]
-    rows = [f"| {' | '.join(row)} |" for row in zip(names, *columns, strict=True)]
-    return "\n".join(["", "", "| | first | second |", "|---|---|---|", *rows])
-
-
-def _figures(plan: Plan) -> tuple[str, ...]:
-    """Return the numbers of a plan, in the order of the table's rows."""
-    return (
-        str(len(plan.steps)),
-        f"{plan.base_translation:.3f}",
-        f"{plan.w_m_min:.3f}",
-        f"{plan.w_b_min:.5f}",
-    )
 
 
 def legend_text(marks: Marks) -> str:

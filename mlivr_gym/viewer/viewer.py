@@ -13,17 +13,14 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.transitions.state import State
 from mlivr_gym.viewer import drawing, marks
 from mlivr_gym.viewer.curves import Plot, margins, recorded, with_cursor
-from mlivr_gym.viewer.drawing import OVERLAID, SECOND_OFFSET, SEPARATE
 from mlivr_gym.viewer.frames import AT_REST, Frames, plan_frames, recording_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.panel_texts import comparison_table, legend_text, summary
-from mlivr_gym.viewer.policy_view import PolicyView
+from mlivr_gym.viewer.panel_texts import legend_text, summary
 from mlivr_gym.viewer.solids import scene_solids
 
 TICK = 0.05
@@ -47,7 +44,7 @@ CURSOR = "now", "#adb5bd"
 EXPLAIN, BLOCK = "explain why it cannot be held", "block or free it"
 """Effects of a click on a point, in addition to starting a limb there."""
 
-PLAIN, REACH, WHY, POLICY = "nothing", "reach of the stance", "why not limb ", "policy"
+PLAIN, REACH, WHY = "nothing", "reach of the stance", "why not limb "
 """Meanings of the colours of points."""
 
 
@@ -62,20 +59,15 @@ class Viewer:
         self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, capsules)
         self.time, self.playing, self.speed = 0.0, False, 1.0
         self.click, self.colouring, self.walls_hidden = EXPLAIN, PLAIN, True
-        self.second: tuple[Plan, Frames] | None = None
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
-        self._policy: PolicyView | None = None
         self._plots: dict[str, Plot] = {}
         self._states: tuple[State | None, ...] = ()
         self._ticks = self._boxes = 0
         self._hidden = frozenset({"tree"})
-        self._separate = False
         grasp_map, goal = live.graph.grasp_map, np.array(live.query.goal)
-        self._positions = drawing.visible_positions(grasp_map, goal, live.plan)
-        self.hide_walls_from(
-            drawing.draw_stage(page, grasp_map, self.scene, self._positions, ASPECT)
-        )
+        seen = drawing.visible_positions(grasp_map, goal, live.plan)
+        self.hide_walls_from(drawing.draw_stage(page, grasp_map, self.scene, seen, ASPECT))
         self.frames = self._frames()
 
     def _frames(self) -> Frames:
@@ -93,12 +85,6 @@ class Viewer:
         x, q, joints = (np.asarray(part)[None] for part in start)
         zero = np.zeros(1, dtype=np.int64)
         return Frames(np.zeros(1), zero, zero + AT_REST, x, q, joints)
-
-    @property
-    def duration(self) -> float:
-        """Duration of the frames, of both plans if there are two [s]."""
-        second = 0.0 if self.second is None else self.second[1].duration
-        return max(self.frames.duration, second)
 
     # Changes of the query.
 
@@ -144,11 +130,8 @@ class Viewer:
             self._states = marks.states_of(graph, live.plan) if live.plan is not None else ()
             self._marked = ()
             self._show_plots()
-            text = summary(live)
-            if self.second is not None:
-                text += comparison_table(live.plan, self.second[0])
-            page.write("summary", text)
-            page.items["time"].max = max(self.duration, 0.1)
+            page.write("summary", summary(live))
+            page.items["time"].max = max(self.frames.duration, 0.1)
             self.seek(0.0)
 
     def _show_plots(self) -> None:
@@ -173,10 +156,9 @@ class Viewer:
     def seek(self, time: float) -> None:
         """Show a time [s]."""
         with self._lock, self.page.server.atomic():
-            self.time = min(max(time, 0.0), self.duration)
+            self.time = min(max(time, 0.0), self.frames.duration)
             k = self.frames.at(self.time)
             drawing.pose_robot(self.page, "robot", self.scene, self.frames.configuration(k))
-            self._pose_second()
             plan = self.live.plan
             self.page.write("where", self.frames.describe(k, plan) if plan else "the start")
             self.page.items["time"].value = round(self.time, 2)
@@ -186,13 +168,6 @@ class Viewer:
                     self.page.items[name].data = (times, *values)
             self._mark()
 
-    def _pose_second(self) -> None:
-        """Show the robot of the second plan, if there is one, at the present time."""
-        if self.second is not None:
-            frames = self.second[1]
-            here = frames.configuration(frames.at(self.time))
-            drawing.pose_robot(self.page, "second/robot", self.scene, here)
-
     def scrub(self, time: float) -> None:
         """Show a time [s] chosen on the page, and stop playing."""
         self.playing = False
@@ -201,7 +176,7 @@ class Viewer:
     def toggle(self) -> None:
         """Play or pause; at the end, play from the start."""
         with self._lock:
-            if not self.playing and self.time >= self.duration:
+            if not self.playing and self.time >= self.frames.duration:
                 self.time = 0.0
             self.playing = not self.playing
 
@@ -219,7 +194,7 @@ class Viewer:
             if not self.playing:
                 return
             self._ticks += 1
-            self.playing = self.time + TICK * self.speed < self.duration
+            self.playing = self.time + TICK * self.speed < self.frames.duration
             self.seek(self.time + TICK * self.speed)
 
     def run(self) -> None:
@@ -232,7 +207,7 @@ class Viewer:
         self._closed.set()
         self.page.close()
 
-    # Points, walls and second plan.
+    # Points, walls and boxes.
 
     def clicked(self, point: int) -> None:
         """Handle a click on a point, given by its index."""
@@ -284,17 +259,12 @@ class Viewer:
 
     def _marks(self, state: State | None) -> marks.Marks:
         """Return the colours of points in a state."""
-        graph, query = self.live.graph, self.live.query
+        graph = self.live.graph
         if self.colouring == PLAIN or state is None:
             return marks.plain_marks(graph)
         if self.colouring == REACH:
             return marks.reach_marks(graph, state)
-        if self.colouring.startswith(WHY):
-            return marks.blocked_marks(graph, state, int(self.colouring.removeprefix(WHY)))
-        if self._policy is None:
-            self._policy = PolicyView(graph)
-        probability = self._policy.probabilities(state, np.array(query.goal), query.goal_tolerance)
-        return marks.policy_marks(graph, probability)
+        return marks.blocked_marks(graph, state, int(self.colouring.removeprefix(WHY)))
 
     def hide_walls_from(self, eye: Array) -> None:
         """Hide the walls, if that is chosen, that a camera at `eye` [m] sees from behind."""
@@ -302,15 +272,11 @@ class Viewer:
         if not self._lock.acquire(blocking=False):
             return  # busy; the next movement of the camera calls this again
         try:
-            hidden, below = set[str](), set[str]()
-            if self.walls_hidden:
-                hidden = drawing.hidden_faces(grasp_map, eye)
-                below = drawing.hidden_faces(grasp_map, eye - SECOND_OFFSET)
+            hidden = drawing.hidden_faces(grasp_map, eye) if self.walls_hidden else set()
             with self.page.server.atomic():
                 for face in drawing.points_by_face(grasp_map):
                     self.page.show(f"module/{face}", face not in hidden)
                     self.page.show(f"points/{face}", face not in hidden)
-                    self.page.show(f"second/module/{face}", face not in below)
         finally:
             self._lock.release()
 
@@ -347,25 +313,3 @@ class Viewer:
         """Remove all obstacles and free all points."""
         self.page.remove("handles")
         self.change(self.live.clear)
-
-    def compare(self, plan: Plan, frames: Frames) -> None:
-        """Show a second plan in the same module; both are played at the same time."""
-        with self._lock:
-            self.second = plan, frames
-            self.place_second(OVERLAID)
-
-    def place_second(self, where: str) -> None:
-        """Show the second plan in the same module, in a second one below, or not at all."""
-        if self.second is None:
-            return
-        with self._lock, self.page.server.atomic():
-            graph = self.live.graph
-            drawing.draw_second(self.page, where, graph.grasp_map, self.scene, self.second[0])
-            self._pose_second()
-            if (where == SEPARATE) != self._separate:
-                self._separate = where == SEPARATE
-                positions, elevation = self._positions, drawing.ELEVATION
-                if self._separate:
-                    positions = np.concatenate([positions, positions + SECOND_OFFSET])
-                    elevation = drawing.SECOND_ELEVATION
-                self.hide_walls_from(drawing.aim_camera(self.page, positions, ASPECT, elevation))

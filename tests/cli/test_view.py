@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import urllib.request
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,17 +59,6 @@ def test_view_writes_a_page_of_an_execution(run, plan_file, tmp_path):
     code, _, told = run("view", "--execution", str(folder), "--out", str(out))
     assert code == 2
     assert "simulation.npz" in told
-
-
-@needs_viewer
-def test_view_compares_plans_of_one_robot_alone(run, plan_file, tmp_path):
-    other = tmp_path / "other.json"
-    plan = Plan.load(plan_file)
-    robot = replace(plan.world.robot, name="another", body_mass=99.0)
-    replace(plan, world=replace(plan.world, robot=robot)).save(other)
-    code, _, told = run("view", "--plan", str(plan_file), "--plan", str(other))
-    assert code == 2
-    assert "is for robot 'another', the first one for 'mlivr2'" in told
 
 
 @needs_viewer

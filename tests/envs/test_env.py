@@ -85,9 +85,7 @@ def physical_env():
     return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
 
 
-@pytest.mark.parametrize(
-    "change", [{"transitions": False}, {"precompute": True}, {"grasp_failure": np.arange(38) / 380}]
-)
+@pytest.mark.parametrize("change", [{"transitions": False}, {"grasp_failure": np.arange(38) / 380}])
 def test_what_does_not_go_together_with_simulated_steps_is_refused(small_map, change):
     given = {"map": small_map, "collisions": False, **change}
     MlivrEnv(**given)
@@ -119,7 +117,6 @@ def test_a_plan_is_replayed_in_simulation(checked_graph, plan):
         assert info["failure"] is None
         assert info["stance"] == plan.stances[k + 1]
         assert 0.0 < info["capture_distance"] < 0.01
-        assert info["attempts"] == 1
         total_time += info["step_time"]
         assert 0.0 < info["peak_torque"] < 0.8 * 150.0
         assert (observation["branches"].reshape(2, 16).sum(axis=1) == 1).all()

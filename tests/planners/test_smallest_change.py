@@ -1,14 +1,15 @@
 """The smallest changes of several kinds: each lets a plan through, and no smaller one does."""
 
 import itertools
+import json
 
-import numpy as np
 import pytest
 from map_data import BRIDGE
 
 from mlivr_gym import Box, GraspMap, Settings, stance_graph
+from mlivr_gym.cli.arguments import numbered_boxes
+from mlivr_gym.cli.main import main
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.additions import places_on_rails, with_candidates
 from mlivr_gym.planners.smallest_change import KINDS, smallest_changes
 
 START, GOAL = ("R0:0", "R1:0"), (4.2, 0.0, 0.65)
@@ -37,13 +38,13 @@ def steps(world, settings=SETTINGS, boxes=(), occupied=()):
     return len(found.plan.steps) if found.plan is not None else None
 
 
-def test_fewer_obstacles_or_one_point_more_open_the_way_and_less_does_not(bridge):
-    """All sets of obstacles are tried, and each point alone."""
+def test_fewer_obstacles_open_the_way_and_less_does_not(bridge):
+    """All sets of obstacles are tried."""
     graph, blocked = stance_graph(bridge, settings=SETTINGS), ["R2:0"]
     graph.add_obstacles(boxes_over_bridge())
     graph.occupy(blocked)
     assert not Planner(graph).plan(START, GOAL, "steps")
-    found = {change.kind: change for change in smallest_changes(graph, START, GOAL, limit=50)}
+    found = {change.kind: change for change in smallest_changes(graph, START, GOAL)}
     sizes = [(change.size, KINDS.index(kind)) for kind, change in found.items()]
     assert sizes == sorted(sizes)
 
@@ -64,13 +65,19 @@ def test_fewer_obstacles_or_one_point_more_open_the_way_and_less_does_not(bridge
     assert without(removed.parts) == removed.steps is not None
 
 
-def test_points_are_a_change_of_the_map_that_is_given(bridge):
-    broken = bridge.subset(np.array(bridge.ids) != "R2:0", "broken")
-    graph, places = stance_graph(broken, settings=SETTINGS), places_on_rails(broken)
-    found = next(c for c in smallest_changes(graph, START, GOAL, limit=50) if c.kind == "points")
-    assert found.is_smallest
-    for name in found.alternatives:
-        world = with_candidates(broken, places.subset(np.array(places.ids) == name))
-        assert steps(world) is not None
-    world = with_candidates(broken, places.subset(np.isin(places.ids, found.parts)))
-    assert steps(world) == found.steps
+def test_the_command_says_what_would_help(bridge, tmp_path, capsys):
+    world, boxes = tmp_path / "bridge.json", boxes_over_bridge()
+    bridge.save(world)
+    words = ["plan", "--map", str(world), "--no-manipulability", "--start", *START, "--goal"]
+    words += [*map(str, GOAL), "--cost", "steps", "--suggest", "--occupied", "R2:0"]
+    for box in boxes:
+        words += ["--box", *map(str, box.bounds.ravel())]
+    assert main([*words, "--json"]) == 3
+    told = json.loads(capsys.readouterr().out)
+    graph = stance_graph(bridge, settings=SETTINGS)
+    graph.add_obstacles(numbered_boxes("box", [box.bounds.ravel().tolist() for box in boxes]))
+    graph.occupy(["R2:0"])
+    found = smallest_changes(graph, START, GOAL)
+    assert [change["parts"] for change in told["suggestions"]] == [list(c.parts) for c in found]
+    assert found
+    assert all(change.message in told["error"] for change in found)

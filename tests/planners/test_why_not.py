@@ -216,7 +216,7 @@ def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_n
         if cause.limb_threshold is not None:
             break
     assert cause.rules == (THRESHOLDS,)
-    changes = smallest_changes(graph, start, goal, goal_tolerance=0.05, limit=50)
+    changes = smallest_changes(graph, start, goal, goal_tolerance=0.05)
     (change,) = (change for change in changes if change.kind == "limb_threshold")
     assert float(change.parts[0]) == cause.limb_threshold
     for value in (cause.limb_threshold, round(cause.limb_threshold + THRESHOLD_RESOLUTION, 9)):

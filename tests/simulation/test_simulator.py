@@ -1,7 +1,6 @@
 """Grasps, controller and steps in MuJoCo."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -270,34 +269,14 @@ def test_the_summary_of_an_execution_is_that_of_its_samples_and_captures(walked)
     assert told["peaks"]["torque_rms"] >= np.sqrt(max(squares))
 
 
-def test_references_of_a_further_approach_go_as_fast_as_their_angles(
-    checked_graph, jem, plan, monkeypatch
-):
-    """Up again and down again: the speeds are the derivatives of the angles."""
-    simulation = Simulation(jem, plan.world.robot)
-    trajectory, runs = step_trajectory(checked_graph, plan, 0), []
-    reference = Reference.of(
-        trajectory, simulation.robot, simulation.physics, simulation.controller
-    )
-    run = lambda _, found: (runs.append(found), SimpleNamespace(failure=None))[1]  # noqa: E731
-    monkeypatch.setattr(simulation, "run", run)
-    assert len(simulation._repeat_approach(trajectory, reference)) == len(runs) == 2
-    up, down = runs
-    np.testing.assert_array_equal(up.positions[-1], down.positions[0])
-    for found in runs:
-        speeds = np.gradient(found.positions, trajectory.period, axis=0)
-        np.testing.assert_allclose(found.speeds[1:-1], speeds[1:-1], atol=5e-3)
-        assert np.abs(found.speeds).max() > 0.1
-
-
 def test_a_grasp_that_misses_tells_by_how_much(simulation, plan):
     points = [simulation.grasp_map.index(point) for point in plan.stances[0]]
     simulation.reset(*plan.configuration(0), points)
     other = simulation.grasp_map.index(plan.steps[0].to_point)
-    failure = simulation._grasp_failure(0, other, False)
+    failure = simulation._grasp_failure(0, other)
     place = simulation.data.site("limb0/grasp").xpos
     away = np.linalg.norm(place - simulation.grasp_map.positions[other])
     assert f"by {1000.0 * away:.1f} mm" in failure.message
     assert "it grasps within 10 mm and 2 deg" in failure.message
     assert failure.values["distance_m"] == pytest.approx(away)
-    assert simulation._grasp_failure(0, points[0], False) is None
+    assert simulation._grasp_failure(0, points[0]) is None

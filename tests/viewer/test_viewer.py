@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from recordings import recording_of
 
-from mlivr_gym.planners import Planner
-
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer import viewer as viewers
-from mlivr_gym.viewer.frames import STEP_TIME, stance_frames
+from mlivr_gym.viewer.frames import STEP_TIME
 from mlivr_gym.viewer.panel import add_panel
 
 
@@ -138,12 +136,6 @@ def test_colours_tell_of_the_stance_that_is_shown(viewer):
     assert said(viewer, "legend") == ""
 
 
-def test_a_policy_without_its_extra_is_said(viewer, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.viewer.policy_view.REQUIRED_PACKAGES", ("no_such_package",))
-    viewer.set_colouring(viewers.POLICY)
-    assert "pip install 'mlivr-gym[agents]'" in said(viewer, "legend")
-
-
 def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
     """Not even at first, when there was no other."""
     live.query = replace(live.query, start=("D2a:4", "O2a:4"))
@@ -198,25 +190,3 @@ def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
     viewer.change(live.replan)
     assert viewer.frames.duration == pytest.approx(4 * STEP_TIME)
     assert not page.items["torques"].visible
-
-
-def test_two_plans_are_shown_in_one_module_or_in_two(viewer, checked_graph):
-    other = Planner(checked_graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "base").unwrap()
-    viewer.compare(other, stance_frames(other))
-    viewer.refresh()
-    assert f"| steps | 4 | {len(other.steps)} |" in said(viewer, "summary")
-    viewer.seek(STEP_TIME)
-    np.testing.assert_allclose(
-        node(viewer, "second/robot/base").position, other.motion.base_positions[1], atol=1e-9
-    )
-    assert viewer.duration == pytest.approx(STEP_TIME * len(other.steps))
-    viewer.seek(99.0)
-    np.testing.assert_allclose(
-        node(viewer, "second/robot/base").position, other.motion.base_positions[-1], atol=1e-9
-    )
-    viewer.place_second(drawing.SEPARATE)
-    np.testing.assert_array_equal(node(viewer, "second").position, drawing.SECOND_OFFSET)
-    assert "second/module" in viewer.page
-    viewer.place_second(drawing.HIDDEN)
-    assert "second" not in viewer.page
-    viewer.seek(0.0)
