@@ -11,15 +11,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.motion import SweepScratch
+from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
-from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.kinematics.holding import joints_along
+from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places
-from mlivr_gym.motion.step_ends import Follower, StepEnds, follow
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions import motions
@@ -122,6 +126,38 @@ def dense_knots(robot: RobotSpec, ends: StepEnds, curve: JointCurve) -> Array:
         if off <= 1.0 or pieces == MOST_PIECES:
             return knots
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
+
+
+class Follower(NamedTuple):
+    """A limb on a branch, and joint angles from which on it is followed, shape (6,) [rad]."""
+
+    limb: int
+    branch: int
+    joints: Array
+
+
+def follow(
+    graph: StanceGraph,
+    ends: StepEnds,
+    one: Follower,
+    flange: tuple[Array, Array],
+    base: tuple[Array, Array],
+) -> Array:
+    """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
+
+    Raises a `PlanError` if the branch ends.
+    """
+    bases, flanges, robots = poses(*base), poses(*flange), graph.checks.robots
+    out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
+    reference["q"] = one.joints
+    if joints_along(robots, one.limb, bases, flanges, one.branch, reference, out) < len(out):
+        target = graph.grasp_map.ids[ends.to_point]
+        raise PlanError(
+            f"limb {one.limb} cannot stay on its branch while limb {ends.limb} moves to "
+            f"{target!r}: the plan does not fit this map and robot, or its steps were not checked"
+        )
+    joints: Array = out["q"]
+    return joints
 
 
 @lru_cache(maxsize=16)

@@ -9,7 +9,7 @@ branch for each interval in which a limb holds a point.
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -26,7 +26,7 @@ from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.support_line import SupportLine
-from mlivr_gym.motion.swings import Swing, SwingFinder, swing_knot
+from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
@@ -71,19 +71,35 @@ def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Comm
 
     The edge is that of the step as the graph has checked it on these branches.
     """
-    if not graph.settings.transitions:
-        yield Committed(paper_path(graph, ends), "unchecked")
+    if not graph.settings.collisions:
+        yield Committed(_unchecked_path(graph, ends, edge), "unchecked")
         return
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
-    above = lifts[0][-1], lifts[1][-1]
-    supports = SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnPath(graph, ends, edge)
-    line = np.stack([swing_knot(0.0, above[0]), swing_knot(1.0, above[1])])
-    swings: Iterable[Swing] = [Swing("unchecked", line)]
-    if graph.settings.collisions:
-        swings = SwingFinder(graph, ends, supports).swings(*above, edge)
-    for swing in swings:
+    supports = _supports(graph, ends, edge)
+    finder = SwingFinder(graph, ends, supports)
+    for swing in finder.swings(lifts[0][-1], lifts[1][-1], edge):
         parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
         yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
+
+
+def _supports(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Supports:
+    """Return how the supports and the base move during a step."""
+    return SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnPath(graph, ends, edge)
+
+
+def _unchecked_path(graph: StanceGraph, ends: StepEnds, edge: Edge) -> JointPath | None:
+    """Return a joint path on which collisions are not checked; None if a limb cannot follow.
+
+    If supports are checked, they move as they were, and the other limb on one line.
+    """
+    try:
+        if not graph.settings.transitions:
+            return paper_path(graph, ends)
+        lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
+        above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
+        return step_path(graph, ends, lifts, [_supports(graph, ends, edge).knots(*above)])
+    except PlanError:
+        return None
 
 
 class CommittedSteps:

@@ -15,9 +15,16 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.base_path import STRAIGHT, BasePath, base_poses
-from mlivr_gym.motion.base_paths import JointCurve, dense_knots, path_of, support_joints
+from mlivr_gym.motion.base_paths import (
+    Follower,
+    JointCurve,
+    dense_knots,
+    follow,
+    path_of,
+    support_joints,
+)
 from mlivr_gym.motion.joint_path import JointPath
-from mlivr_gym.motion.step_ends import Follower, StepEnds, follow, normal_knots, step_path
+from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 SAMPLES: Array = np.linspace(0.0, 1.0, 400)
@@ -29,25 +36,25 @@ singularity."""
 
 
 def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
-    """Return the joint path of a step that was not checked; None if a limb cannot follow."""
+    """Return the joint path of a step that was not checked; None if a limb would jump.
+
+    Raises a `PlanError` if a limb cannot follow.
+    """
     path, limb = path_of(graph, ends, STRAIGHT), ends.limb
-    try:
-        if _jumps(support_joints(graph, ends, path, SAMPLES)):
-            return None
-        lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
-        first, last = lifts[0][-1], lifts[1][-1]
-        swing = _straight_swing(graph, ends, path, first)
-        is_straight = _is_feasible(graph, limb, swing, last)
-
-        def curve(sigma: Array) -> Array:
-            joints = support_joints(graph, ends, path, sigma)
-            line = first + sigma[:, None] * (last - first)
-            joints[:, limb] = swing(sigma) if is_straight else line
-            return joints
-
-        return step_path(graph, ends, lifts, [dense_knots(graph.robot, ends, curve)])
-    except PlanError:
+    if _jumps(support_joints(graph, ends, path, SAMPLES)):
         return None
+    lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
+    first, last = lifts[0][-1], lifts[1][-1]
+    swing = _straight_swing(graph, ends, path, first)
+    is_straight = _is_feasible(graph, limb, swing, last)
+
+    def curve(sigma: Array) -> Array:
+        joints = support_joints(graph, ends, path, sigma)
+        line = first + sigma[:, None] * (last - first)
+        joints[:, limb] = swing(sigma) if is_straight else line
+        return joints
+
+    return step_path(graph, ends, lifts, [dense_knots(graph.robot, ends, curve)])
 
 
 def _straight_swing(graph: StanceGraph, ends: StepEnds, path: BasePath, first: Array) -> JointCurve:

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.holding import joints_along
-from mlivr_gym.kinematics.limb import Angles
-from mlivr_gym.kinematics.poses import poses
-from mlivr_gym.motion.joint_path import (
-    CUBIC,
-    GRIP_RADIUS,
-    JointPath,
-    control_places,
-    flange_in_body,
-)
+from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan_parts import Motion
 from mlivr_gym.stances.stance_graph import StanceGraph
-
-NORMAL_TOLERANCE = 2e-4
-"""How far the gripper may be off the surface normal on departure and approach [m]."""
+from mlivr_gym.transitions.departures import Departure, departure_of
 
 
 @dataclass(frozen=True)
@@ -67,42 +56,28 @@ class StepEnds:
         return (*self.before[: self.limb], self.to_point, *self.before[self.limb + 1 :])
 
 
-class Follower(NamedTuple):
-    """A limb on a branch, and joint angles from which on it is followed, shape (6,) [rad]."""
-
-    limb: int
-    branch: int
-    joints: Array
-
-
 def normal_knots(graph: StanceGraph, ends: StepEnds, side: int) -> Array:
     """Return knots of the moving limb from its point to the place above it, shape (k, 6) [rad].
 
-    It is the point before the step or, with `side` 1, after it. On one line the gripper would be
-    off the surface normal by some distance in the middle. In n equal pieces it is off by the n^2-th
-    part of it, and by 4 / 3 of that on the spline, where knots take a sixth of a second difference
-    in place of an eighth. So many pieces are taken that twice the part is within the tolerance.
+    It is the point before the step or, with `side` 1, after it. The lines are those of
+    `transitions.departures`; of the first and the last the outer third is a line of its own, so
+    that the gripper rises at constant rate on the spline. Raises a `PlanError` if the limb cannot
+    depart.
     """
-    coarse = _above(graph, ends, side, np.array([0.0, 0.5, 1.0]))
-    there = np.stack([0.5 * (coarse[0] + coarse[2]), coarse[1]])
-    places, turns = flange_in_body(graph.robot, ends.limb, there)
-    turned = turns[0] - turns[1]
-    moved = places[0] - places[1] + graph.robot.tool_length * turned[:, 2]
-    off = np.linalg.norm(moved) + GRIP_RADIUS * np.linalg.norm(turned) / np.sqrt(2.0)
-    pieces = max(1, int(np.ceil(np.sqrt(2.0 * off / NORMAL_TOLERANCE))))
-    knots = _above(graph, ends, side, control_places(pieces + CUBIC))
-    knots[0] = ends.joints[side, ends.limb]
-    return knots
-
-
-def _above(graph: StanceGraph, ends: StepEnds, side: int, heights: Array) -> Array:
-    """Return joint angles of the moving limb at fractions of the lift from 0 on, (k, 6) [rad]."""
     limb, point = ends.limb, ends.to_point if side else ends.before[ends.limb]
-    one = Follower(limb, ends.branches[graph.limbs if side else limb], ends.joints[side, limb])
+    branch, hold = ends.branches[graph.limbs if side else limb], ends.joints[side, limb]
+    base, found = pose(ends.positions[side], ends.rotations[side]), Departure.row()
     grasp = graph.solver.grasps[point]
-    lift = graph.robot.lift * heights[:, None] * grasp["normal"]
-    flange = grasp["flange"]["position"] + lift, grasp["flange"]["rotation"][None]
-    return follow(graph, ends, one, flange, (ends.positions[[side]], ends.rotations[[side]]))
+    if not departure_of(graph.checks.robots, limb, base, grasp, branch, found):
+        raise PlanError(
+            f"limb {limb} cannot move along the normal of {graph.grasp_map.ids[point]!r} on branch "
+            f"{branch}: the plan does not fit this map and robot, or its steps were not checked"
+        )
+    knots = found["knots"]["q"][: found["pieces"] + 1]
+    turns: Array = knots + np.pi * np.rint((hold - knots[0]) / np.pi)
+    turns[0] = hold
+    outer = turns[[0, -1]] + (turns[[1, -2]] - turns[[0, -1]]) / 3.0
+    return np.insert(turns, [1, len(turns) - 1], outer, axis=0)
 
 
 def step_path(
@@ -126,27 +101,3 @@ def step_path(
         graph.robot, limb, int(limb == 0), ends.positions[0], ends.rotations[0], knots,
         tuple(rests.tolist()),
     )  # fmt: skip
-
-
-def follow(
-    graph: StanceGraph,
-    ends: StepEnds,
-    one: Follower,
-    flange: tuple[Array, Array],
-    base: tuple[Array, Array],
-) -> Array:
-    """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
-
-    Raises a `PlanError` if the branch ends.
-    """
-    bases, flanges, robots = poses(*base), poses(*flange), graph.checks.robots
-    out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
-    reference["q"] = one.joints
-    if joints_along(robots, one.limb, bases, flanges, one.branch, reference, out) < len(out):
-        target = graph.grasp_map.ids[ends.to_point]
-        raise PlanError(
-            f"limb {one.limb} cannot stay on its branch while limb {ends.limb} moves to "
-            f"{target!r}: the plan does not fit this map and robot, or its steps were not checked"
-        )
-    joints: Array = out["q"]
-    return joints
