@@ -34,7 +34,6 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
 
-
 SAME_KNOT = 1e-9
 """Swing knots that differ by less are equal [1, rad]."""
 
