@@ -127,10 +127,10 @@ def check_walk(graph, states):
         assert (path.knots >= low - 1e-5).all()
         assert (path.knots <= high + 1e-5).all()
         # From above a point the limb comes down without a whole turn.
-        for end in (path.sigmas <= 1.0, path.sigmas >= path.sigmas[-1] - 1.0):
+        for end in (slice(path.rests[1] + 1), slice(path.rests[-2], None)):
             assert np.abs(np.diff(path.knots[end], axis=0)).sum(axis=0).max() < np.pi
         if step.swing == "direct":
-            swing = path.knots[(path.sigmas >= 1.0) & (path.sigmas <= 2.0), step.limb]
+            swing = path.knots[path.rests[1] : path.rests[2] + 1, step.limb]
             turn = swing[-1] - swing[0]
             share = (swing - swing[0]) @ turn / (turn @ turn)
             np.testing.assert_allclose(swing, swing[0] + share[:, None] * turn, atol=1e-9)
