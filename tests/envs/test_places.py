@@ -1,4 +1,4 @@
-"""The environments of other places, but the station, whose graph takes long: observations, masks, a simulated walk."""
+"""The environments of other places, but the large station: observations, masks, a walk."""
 
 import gymnasium
 import numpy as np
