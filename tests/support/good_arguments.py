@@ -85,12 +85,6 @@ SPECIAL = {
     "read_study": lambda of: {"folder": of.file("study")},
     "Camera.seeing": lambda of: {"aspect": 2.0},
     "closed_loop_film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
-    "mission_film": lambda of: {
-        "parts": [of["MissionPart"]],
-        "path": "walk.gif",
-        "size": (32, 16),
-        "speed": 1000.0,
-    },
     "points_to_add": lambda of: {"candidates": of["spare"]},
     "smallest_changes": lambda of: {"candidates": of["spare"]},
     "one_more_limb": lambda of: {"limit": 2},
