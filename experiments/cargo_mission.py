@@ -2,20 +2,18 @@
 
     python experiments/cargo_mission.py [--out results] [--workers 2]
 
-Each mission is carried out in MuJoCo at two paces. Writes `cargo_mission.json`,
-`cargo_mission.md` and the film `cargo_mission.gif`.
+Each mission is carried out in MuJoCo at two paces. Writes `cargo_mission.json` and
+`cargo_mission.md`.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.closed_loop.cargo_mission import CargoMission, plan_cargo_mission
-from mlivr_gym.pictures.mission_film import mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.limits import PACES
 
@@ -27,9 +25,6 @@ PARTS = ("walk", "pick up", "fold", "carry", "stow")
 
 MASSES, SIZE = (1.0, 10.0, 30.0, 100.0), 0.2
 """Masses [kg] and edge [m] of the bags."""
-
-FILMED = 10.0
-"""Mass of the bag in the film [kg]."""
 
 
 def planned(mass: float) -> CargoMission:
@@ -94,11 +89,5 @@ make up to {force:.0f} N. [How to carry cargo](../docs/how-to/cargo.md).
 {table(head, cells)}"""
 
 
-def moving_picture(data: dict[str, Any], path: Path) -> None:
-    """Film the mission with a bag of `FILMED` kilograms."""
-    mission = planned(FILMED)
-    mission_film(mission, mission.execute(), path.with_suffix(".gif"), size=(480, 270))
-
-
 if __name__ == "__main__":
-    experiment("cargo_mission", __doc__, measured, markdown, moving_picture, workers=CORES)
+    experiment("cargo_mission", __doc__, measured, markdown, workers=CORES)

@@ -7,16 +7,18 @@ world.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, MAX_EXPANSIONS, QUERY, Goal
-from mlivr_gym.planners.why_not import is_plan_found, lower_threshold, removals
+from mlivr_gym.planners.why_not import is_plan_found
 from mlivr_gym.stances.build import in_same_world, stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -24,6 +26,14 @@ from mlivr_gym.transitions.state import State
 
 OBSTACLES, THRESHOLD = KINDS = ("obstacles", "limb_threshold")
 """Kinds of changes; of two of equal size, that of the earlier kind comes first."""
+
+THRESHOLD_RESOLUTION = 0.002
+"""Resolution of the threshold of w_m with which a plan exists."""
+
+MOST_CONFLICTS = 60
+"""Maximum number of conflicts by which the fewest obstacles in the way are sought."""
+
+T = TypeVar("T")
 
 
 class Change(NamedTuple):
@@ -86,19 +96,105 @@ Changed = Iterator[tuple[str, tuple[str, ...], bool, StanceGraph]]
 
 
 def _fewer_obstacles(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
-    """Yield the fewest obstacles and occupied points without which a plan exists."""
-    if graph.obstacles or graph.occupied:
-        free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
-        if is_plan_found(free, start, goal, MAX_EXPANSIONS):
-            ids, is_smallest, world = removals(graph, start, goal, MAX_EXPANSIONS)
-            yield OBSTACLES, ids, is_smallest, world
+    """Yield the fewest obstacles and occupied points without which a plan exists.
+
+    The problem is known as minimum constraint removal (Hauser, The International Journal of
+    Robotics Research 33, 2014).
+    """
+    free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    boxes = {box.id: box for box in graph.obstacles}
+    points = dict(zip(graph.ids(sorted(graph.occupied)), sorted(graph.occupied), strict=True))
+
+    def suffices(removed: list[str]) -> bool:
+        """Return whether a plan exists without some obstacles and occupied points."""
+        free.remove_obstacles()
+        free.vacate()
+        free.add_obstacles([box for name, box in boxes.items() if name not in removed])
+        free.occupy([point for name, point in points.items() if name not in removed])
+        return is_plan_found(free, start, goal, MAX_EXPANSIONS)
+
+    every = [*boxes, *points]
+    if every and suffices(every):
+        found, is_smallest = minimum_subset(every, suffices)
+        suffices(found)
+        yield OBSTACLES, tuple(found), is_smallest, free
 
 
 def _lower_threshold(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
-    """Yield the highest threshold of w_m with which a plan exists."""
-    if graph.settings.manipulability:
-        value = lower_threshold(graph, start, goal, MAX_EXPANSIONS)
-        if value is not None:
-            settings = replace(graph.settings, limb_threshold=value)
-            world = in_same_world(graph, settings=settings)
-            yield THRESHOLD, (f"{value:g}",), True, world
+    """Yield the highest threshold of w_m with which a plan exists, by bisection."""
+
+    def world(count: int) -> StanceGraph:
+        """Return the world with a threshold of some units."""
+        settings = replace(graph.settings, limb_threshold=round(count * THRESHOLD_RESOLUTION, 9))
+        return in_same_world(graph, settings=settings)
+
+    def has_plan(count: int) -> bool:
+        return is_plan_found(world(count), start, goal, MAX_EXPANSIONS)
+
+    if not graph.settings.manipulability or not has_plan(0):
+        return
+    low, high = 0, int(np.ceil(graph.settings.limb_threshold / THRESHOLD_RESOLUTION))
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if has_plan(middle) else (low, middle)
+    yield THRESHOLD, (f"{round(low * THRESHOLD_RESOLUTION, 9):g}",), True, world(low)
+
+
+def minimum_subset(
+    entries: list[T], suffices: Callable[[list[T]], bool], most: int = MOST_CONFLICTS
+) -> tuple[list[T], bool]:
+    """Return the fewest entries that suffice together, and whether it is proved that they are.
+
+    Each set that does not suffice shows a conflict: entries of which at least one is needed. The
+    fewest entries that meet all conflicts so far are tried next (implicit hitting sets:
+    Moreno-Centeno and Karp, Operations Research 61, 2013).
+
+    All entries suffice together, and so do any that contain some that `suffices`. Beyond `most`
+    conflicts the entries are those of `smallest_subset`.
+    """
+    enough, conflicts = smallest_subset(entries, suffices), list[list[T]]()
+    for size in range(len(enough)):
+        while (tried := _hitting(conflicts, size)) is not None:
+            if suffices(tried):
+                return [one for one in entries if one in tried], True
+            if len(conflicts) == most:
+                return enough, False
+            rest = [one for one in entries if one not in tried]
+            conflicts.append(
+                smallest_subset(
+                    rest, lambda kept: not suffices([one for one in entries if one not in kept])
+                )
+            )
+    return enough, True
+
+
+def _hitting(conflicts: list[list[T]], size: int) -> list[T] | None:
+    """Return at most `size` entries, one of each conflict at least; None if there are none."""
+    if not conflicts or not size:
+        return None if conflicts else []
+    for one in min(conflicts, key=len):
+        others = _hitting([entries for entries in conflicts if one not in entries], size - 1)
+        if others is not None:
+            return [one, *others]
+    return None
+
+
+def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> list[T]:
+    """Return entries that suffice together, of which none can be spared.
+
+    The algorithm is QuickXplain (Junker 2004), with about `2 k log2(n / k)` tests for k of n
+    entries. Earlier entries are preferred to later ones.
+
+    All entries suffice together, and so do any that contain some that `suffices`.
+    """
+
+    def needed(given: list[T], is_changed: bool, others: list[T]) -> list[T]:
+        if is_changed and suffices(given):
+            return []
+        if len(others) == 1:
+            return others
+        first, second = others[: len(others) // 2], others[len(others) // 2 :]
+        late = needed(given + first, True, second)
+        return needed(given + late, bool(late), first) + late
+
+    return needed([], True, entries) if entries else []

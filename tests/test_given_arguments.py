@@ -99,7 +99,7 @@ def own_folder(tmp_path_factory):
         patch.setattr(f"{drawn}.save_figure", lambda figure, path, **_: write_whole(path, b""))
         patch.setattr(f"{drawn}.MapViews", cache(MapViews))
         picture = np.zeros((16, 32, 3), np.uint8)
-        for name in ("film", "mission_film", "closed_loop_film"):
+        for name in ("film", "closed_loop_film"):
             patch.setattr(f"mlivr_gym.pictures.{name}.film_pictures", lambda *_, **__: [picture])
         yield patch
 

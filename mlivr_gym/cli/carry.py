@@ -7,12 +7,11 @@ import json
 
 from mlivr_gym.cli.arguments import chosen_map, chosen_settings, option, walk_options, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
+from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.robots import described_robot
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.pictures.film import check_film_format
 from mlivr_gym.stances.build import stance_graph
 
 
@@ -23,7 +22,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--pick POINT", "id of the point on which the bag stands")
     option(parser, "--stow POINT", "id of the point on which it shall stand")
     option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
-    option(parser, "--film FILE", "film the mission to a .gif or an .mp4")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -35,9 +33,7 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.closed_loop.cargo_mission import plan_cargo_mission
     from mlivr_gym.simulation.limits import PACES as LIMITS
 
-    check_outputs(args.out, args.film, inputs=input_files(args))
-    if args.film is not None:
-        check_film_format(args.film)
+    check_outputs(args.out, inputs=input_files(args))
     for name in ("cargo", "start", "pick", "stow"):
         if getattr(args, name) is None:
             raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
@@ -67,13 +63,7 @@ def run(args: argparse.Namespace) -> int:
     args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
     args.result["motions"] = [knots.tolist() for knots in mission.motions]
-    with all_or_none(args):
-        if args.out:
-            write_whole(args.out, json.dumps(args.result, indent=1))
-            print(f"mission: {args.out}")
-        if args.film:
-            from mlivr_gym.pictures.mission_film import mission_film
-
-            mission_film(mission, parts, args.film)
-            print(f"film: {args.film}")
+    if args.out:
+        write_whole(args.out, json.dumps(args.result, indent=1))
+        print(f"mission: {args.out}")
     return SUCCESS if failure is None else FAILED

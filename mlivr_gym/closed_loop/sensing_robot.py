@@ -94,7 +94,6 @@ class SensingRobot(Independent):
             names = " and ".join(simulation.model.geom(int(geom)).name for geom in geoms)
             raise ShapeError(f"{names} touch at the start; move the box, or start elsewhere")
         simulation.refusing = refusing
-        simulation.is_localised = self._camera is not None
         return state
 
     @property

@@ -10,14 +10,6 @@ import numpy as np
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.pictures.figures import new_figure, save_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.phase_torques import (
-    CAPTURE,
-    CAPTURE_TIME,
-    PARTS,
-    after_captures,
-    largest,
-    phase_torques,
-)
 from mlivr_gym.simulation.recording import Capture, Failure, Recording
 
 if TYPE_CHECKING:
@@ -26,9 +18,9 @@ if TYPE_CHECKING:
 SHADES = {0: ("departure", "#c6d9ed"), 2: ("approach", "#f6dcba")}
 """Name and background colour of the phases that are shaded, by index."""
 
-_MARKS = (("<", "#1f5fd0"), ("o", "#6a3d9a"), (">", "#e07b00"), ("D", "#c1121f"))
-PART_MARKS = dict(zip(PARTS, _MARKS, strict=True))
-"""Marker and colour of the peak in each part of a step."""
+CAPTURE_TIME = 1.0
+"""Time after a capture in which its spike is sought [s]; a grasp with the parameters of `Physics`
+comes to rest with a time constant of 0.15 s."""
 
 SPIKE = 2.0
 """Values just after a capture are cut off if they exceed all others by more than this factor."""
@@ -47,9 +39,8 @@ def simulation_figure(
 ) -> None:
     """Draw a recording over time, as PNG and as SVG of the same name.
 
-    Departures and approaches are shaded, captures are dotted lines. On a logarithmic axis, marks
-    show the largest torque in each part of a step. A spike at a capture is cut off, and its height
-    is written.
+    Departures and approaches are shaded, captures are dotted lines. A spike at a capture is cut
+    off, and its height is written.
     """
     figure = new_figure(11.0, 9.0)
     panels: list[Any] = figure.subplots(4, 1, sharex=True).tolist()
@@ -61,10 +52,9 @@ def simulation_figure(
         panels[1].plot(times, torques[:, limb], **style)
         panels[2].plot(times, forces[:, limb], **style)
     panels[3].plot(times, 1e3 * recording.base_errors, color="0.25", linewidth=1.2)
-    caught = after_captures(recording, captures)
     for panel in panels[1:]:
         values = np.max([line.get_ydata() for line in panel.lines], axis=0)
-        _cut_spikes(panel, times, values, caught, captures)
+        _cut_spikes(panel, times, values, captures)
     panels[1].legend(loc="best", fontsize=8.5, ncols=torques.shape[1], framealpha=0.85)
     highest = float(recording.torque_rms.max()) or 1.0
     panels[0].set_yscale("log")  # steps differ by powers of ten
@@ -76,11 +66,9 @@ def simulation_figure(
         panel.margins(x=0.0)
         panel.grid(alpha=0.25)
         _mark_phases(panel, recording, captures, failure)
-    _mark_peaks(panels[0], recording, captures)
     panels[0].legend(
-        loc="lower right", bbox_to_anchor=(1.0, 1.01), ncols=3, fontsize=8.5, frameon=False,
-        title="filled: largest of the step", title_fontsize=8.5, alignment="right",
-    )  # fmt: skip
+        loc="lower right", bbox_to_anchor=(1.0, 1.01), ncols=2, fontsize=8.5, frameon=False
+    )
     panels[3].set_xlabel("time [s]")
     figure.suptitle(title, x=0.02, y=0.985, ha="left", fontsize=13, parse_math=False)
     if failure is not None:
@@ -106,43 +94,30 @@ def _mark_phases(
         panel.axvline(failure.time, color="#d00000", linewidth=1.4)
 
 
-def _cut_spikes(
-    panel: Any, times: Array, values: Array, caught: BoolArray, captures: Captures
-) -> None:
+def _cut_spikes(panel: Any, times: Array, values: Array, captures: Captures) -> None:
     """Fit the axis of a panel to its values; cut off the spikes at captures and write their height.
 
-    Times [s], values, and whether these follow a capture have shape (k,).
+    Times [s] and values have shape (k,).
     """
-    usual = float(values[~caught].max(initial=0.0))
+    follows = [_after(times, capture) for capture in captures]
+    usual = float(values[~np.any(follows, axis=0)].max(initial=0.0)) if follows else values.max()
     is_cut = values.max() > SPIKE * usual
     top = 1.45 * usual if is_cut else 1.15 * float(values.max()) or 1.0
     panel.set_ylim(0.0, top)
-    for capture in captures if is_cut else ():
-        since = times - capture.time
-        spike = float(values[(since > -1e-9) & (since < CAPTURE_TIME)].max(initial=0.0))
+    for capture, caught in zip(captures, follows, strict=True) if is_cut else ():
+        spike = float(values[caught].max(initial=0.0))
         if spike > top:
             ha, shift = ("right", -4) if capture.time > 0.93 * times[-1] else ("left", 4)
             style = {"textcoords": "offset points", "ha": ha, "fontsize": 8.5}
             panel.annotate(f"\u2191 {spike:.3g}", (capture.time, top), (shift, -11), **style)
 
 
-def _mark_peaks(panel: Any, recording: Recording, captures: Captures) -> None:
-    """Mark the largest torque in each part of a step; that of the step is filled and labelled."""
-    torques = phase_torques(recording, captures)
-    for part, (marker, colour) in PART_MARKS.items():
-        label = f"peak in the second after {CAPTURE}" if part == CAPTURE else f"peak in {part}"
-        places = [(entry.time, entry.peak) for entry in torques if entry.part == part]
-        style = {"marker": marker, "color": colour, "linestyle": "none", "zorder": 5}
-        panel.plot(
-            *np.reshape(places, (-1, 2)).T, label=label, markersize=4.5, markerfacecolor="white",
-            **style,
-        )  # fmt: skip
-        for step in np.unique(recording.step).tolist():
-            best = largest(torques, step)
-            if best.part == part:
-                panel.plot(best.time, best.peak, markersize=6.5, **style)
-                words = {"textcoords": "offset points", "ha": "center", "fontsize": 8.5}
-                panel.annotate(f"{best.peak:.2f}", (best.time, best.peak), (0, 7), **words)
+def _after(times: Array, capture: Capture) -> BoolArray:
+    """Return which times lie within `CAPTURE_TIME` after a capture, shape (k,)."""
+    since = times - capture.time
+    # Times are multiples of the time step up to rounding.
+    inside: BoolArray = (since > -1e-9) & (since < CAPTURE_TIME - 1e-9)
+    return inside
 
 
 def load_figure(load: StationLoad, path: str | Path, title: str) -> None:

@@ -10,9 +10,8 @@ of a step `align_references` sets the offset such that the references equal the 
 limbs that hold the same robot then do not work against each other. During departure and swing the
 offset decays, so that errors do not accumulate over steps: that of the free limb, and the part of
 the others that a motion of the base takes back, see `compatible_motions`. The rest of it would load
-grasps against each other. With cameras it decays to the offset that `localisation` finds in place
-of zero. During a guided approach the offset of the swing limb follows what a sensor on the
-gripper measures of the point.
+grasps against each other. During a guided approach the offset of the swing limb follows what a
+sensor on the gripper measures of the point.
 
 A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
 is small. What multiplies kp (q_ref - q) + kd (qdot_ref - qdot) is then, in place of the identity,
@@ -72,8 +71,7 @@ class ControllerParameters(ParameterSet):
     """Whether the torques of the inverse dynamics and the deflection of the grasps are fed forward,
     see `joint_controller.feedforward`."""
     align_references: Annotated[bool, Flag()] = True
-    """Whether the references are set to the encoder readings at the beginning of a step, and moved
-    to where cameras see the robot."""
+    """Whether the references are set to the encoder readings at the beginning of a step."""
     recovery: Annotated[float, Tuples((), 1e-3, 1e6, "s")] = 1.0
     """Time constant with which the offset of the references decays during departure and swing
     [s]."""

@@ -130,7 +130,6 @@ class JointController:
     """Sampled control of the joints of a simulated robot.
 
     `offset` is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
-    It decays towards `target`, of the same shape, which is zero unless cameras localise the robot.
     """
 
     def __init__(
@@ -160,7 +159,7 @@ class JointController:
     def reset(self) -> None:
         """Set the offset of the references to zero and forget past readings and references."""
         count = len(self._bias)
-        self.offset, self.target = np.zeros(count), np.zeros(count)
+        self.offset = np.zeros(count)
         self._past: deque[tuple[Array, Array]] = deque(maxlen=self._delay + 1)
         self._wanted: deque[tuple[Array, Array]] = deque(maxlen=self._known_delay + 1)
         self._ticks = 0
@@ -189,7 +188,7 @@ class JointController:
             return self.offset[None]
         decay = self._model.opt.timestep / self._controller.recovery
         free = compatible_motions(self._robot, np.flatnonzero(held).tolist(), self.readings)
-        decaying = free @ (self.offset - self.target)
+        decaying = free @ self.offset
         lost = 1.0 - np.exp(-decay * np.arange(1, count + 1))
         offsets: Array = self.offset - lost[:, None] * decaying
         self.offset = offsets[-1].copy()

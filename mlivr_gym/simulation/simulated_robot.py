@@ -31,7 +31,6 @@ from mlivr_gym.simulation.guidance import Guidance
 from mlivr_gym.simulation.instruments import Instruments
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.joint_controller import JointController, Reference
-from mlivr_gym.simulation.localisation import Localisation
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
 from mlivr_gym.simulation.scene import compile_spec, set_configuration
 from mlivr_gym.world.boxes import Box
@@ -69,9 +68,7 @@ class SimulatedRobot:
 
     The simulation moves the anchors of `model` and changes its contact bits as limbs grasp and
     release. `time` is that since the reset [s], `mass` that of the robot [kg]. The controller knows
-    neither the `disturbance` nor the points that are `refusing` all grippers. With
-    `is_localised`, by default off, cameras measure where the robot is, see `localisation`, for
-    controllers that align their references.
+    neither the `disturbance` nor the points that are `refusing` all grippers.
     """
 
     @checked(
@@ -102,7 +99,6 @@ class SimulatedRobot:
         self.data = mujoco.MjData(self.model)
         self.time, self._time_steps, self._plan_step = 0.0, 0, 0
         self.refusing: frozenset[int] = frozenset()
-        self.is_localised = False
         self._rng = np.random.default_rng([self.disturbance.seed, 4])
         self._instruments = Instruments(self.model, robot.limbs)
         self.mass = self._instruments.mass
@@ -113,7 +109,6 @@ class SimulatedRobot:
         self._joint_controller = JointController(
             model, data, robot, self.controller, self.disturbance, self.physics
         )
-        self._localisation = Localisation(robot, self.disturbance, self._grippers)
         self._guidance = Guidance(
             robot, self.controller, self.disturbance, self._grippers, self._joint_controller
         )
@@ -137,7 +132,6 @@ class SimulatedRobot:
         set_configuration(self.model, self.data, position, quaternion, joints)
         self._grippers.reset()
         self._joint_controller.reset()
-        self._localisation.reset()
         for limb, point in enumerate(points):
             if point != FREE:
                 self._grippers.reset_point(point)
@@ -217,21 +211,14 @@ class SimulatedRobot:
         phase, (first, last) = PHASES[trajectory.phase[interval[0] + 1]], interval
         held, free = [point != FREE for point in self.points], FREE in self.points
         guides = self.controller.guidance > 0.0 and phase == "approach" and free
-        localises = self.is_localised and self.controller.align_references
-        senses = guides or localises
-        period = self.count_time_steps(self.controller.sensor_period) if senses else last - first
+        period = self.count_time_steps(self.controller.sensor_period) if guides else last - first
         followed = []
         for start in range(first, last, period):
             here = np.arange(start, min(start + period, last))
             recovering = free and phase != "approach"
             followed.append(self._joint_controller.run(reference.at(here), held, recovering))
-            if senses:
-                mujoco.mj_forward(self.model, self.data)
-            if localises:
-                base, readings = self.data.qpos[:7], self._joint_controller.readings
-                self._localisation.measure(base, readings, trajectory, int(here[-1]) + 1)
-                self._joint_controller.target = self._localisation.offset()
             if guides:
+                mujoco.mj_forward(self.model, self.data)
                 self._guidance.correct(trajectory, int(here[-1]) + 1)
             if until():
                 break

@@ -106,8 +106,8 @@ def _wanted(step: StepRecord, context: StepContext) -> int:
     """Return the holds of the support that a step asks for and that the stance after has."""
     support = 1 - step.limb
     if step.fixed:
-        return step.branches[support]
-    return step.branches[support] & context.stances.branch_sets[step.after, support]
+        return int(step.branches[support])
+    return int(step.branches[support] & context.stances.branch_sets[step.after, support])
 
 
 @kernel

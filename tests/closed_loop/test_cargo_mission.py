@@ -8,8 +8,6 @@ import numpy as np
 import pinocchio
 import pytest
 from coal_ruler import apart, capsule, solid
-from gl_there import gl_or_skip
-from PIL import Image
 
 from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.closed_loop import cargo_mission
@@ -17,7 +15,6 @@ from mlivr_gym.closed_loop.arm_motion import LimbMover, limb_trajectory
 from mlivr_gym.closed_loop.cargo_mission import loaded_robot, plan_cargo_mission, standing
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import MlivrError, NoPlanError
-from mlivr_gym.pictures.mission_film import held_bag, mission_film
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
@@ -190,24 +187,3 @@ def test_what_cannot_be_is_refused(graph):
     with pytest.raises(MlivrError, match="pick is 'D3a:1', which limb 1 holds at the start"):
         plan_cargo_mission(graph, START, START[1], STOW, BAG)
     assert not graph.obstacles
-
-
-def test_the_filmed_bag_stands_where_it_is_picked_up_and_where_it_is_stowed(graph, mission):
-    """The bag in the gripper is drawn where the handles of both points say, by MuJoCo's site."""
-    for number, plan, point in ((1, 0, PICK), (2, 1, STOW)):
-        joints = mission.motions[number][0 if number == 1 else -1]
-        here = standing(mission.plans[plan], mission.limb, joints)
-        bag, foot = held_bag(mission, here), cargo_mission.point_handle(graph.grasp_map, point)
-        corners = np.array(bag.rotation) @ np.diag(bag.half) @ np.array([1.0, 1.0, 1.0])
-        lowest = np.abs(foot.normal @ np.array(bag.rotation)) @ np.array(bag.half)
-        away = np.array(bag.centre) - foot.point
-        assert np.linalg.norm(corners) == pytest.approx(0.1 * np.sqrt(3.0))
-        np.testing.assert_allclose(away, lowest * foot.normal, atol=2e-3)
-
-
-def test_a_mission_is_filmed(mission, parts, tmp_path):
-    with gl_or_skip():
-        mission_film(mission, parts, tmp_path / "mission.gif", size=(160, 90), speed=64.0)
-    with Image.open(tmp_path / "mission.gif") as shown:
-        assert shown.size == (160, 90)
-        assert shown.n_frames > len(parts)

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from scipy.spatial import cKDTree
 
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic
@@ -91,6 +92,7 @@ def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
 
 
 def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
+    """Within 0.2 mm, as their lines are checked."""
     step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.1)
     limb = plan.steps[0].limb
     for phase, point in ((0, plan.steps[0].from_point), (2, plan.steps[0].to_point)):
@@ -100,14 +102,15 @@ def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, s
             position, rotation = grasp(scene, step, k, limb)
             offset = position - jem.positions[index]
             heights.append(offset @ jem.normals[index])
-            np.testing.assert_allclose(offset, heights[-1] * jem.normals[index], atol=1e-6)
-            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=1e-6)
+            assert np.linalg.norm(offset - heights[-1] * jem.normals[index]) < 2e-4
+            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=4e-4)
         assert max(heights) == pytest.approx(plan.world.robot.lift, abs=1e-3)
         assert min(heights) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scene):
+def test_swings_that_were_not_checked_are_straight_where_they_can_be(jem, scene):
     """The paper's motion: the gripper and, by a quintic, the base on a line; sampled."""
+    graph = stance_graph(jem, settings=Settings(collisions=False, transitions=False))
     plan = Planner(graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "base").unwrap()
     limits, straight = graph.robot.limb.limits, 0
     for index, step in enumerate(plan.steps):

@@ -8,7 +8,7 @@ from matplotlib.colors import to_hex
 from recordings import resting
 
 from mlivr_gym.pictures import simulation_figure as module
-from mlivr_gym.pictures.simulation_figure import PART_MARKS, SHADES, load_figure, simulation_figure
+from mlivr_gym.pictures.simulation_figure import SHADES, load_figure, simulation_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure
 from mlivr_gym.simulation.station_load import StationLoad, limits
@@ -69,24 +69,6 @@ def test_an_execution_is_drawn_as_it_was_recorded(kept, recording, tmp_path):
         marked = [line.get_xdata()[0] for line in panel.lines if len(line.get_xdata()) == 2]
         assert {20.0, 21.5} <= set(marked)
     assert "failed at 21.50 s: it touches" in [text.get_text() for text in figure.texts]
-
-
-def test_the_largest_torque_of_each_part_is_marked_where_it_is(kept, recording, tmp_path):
-    torques = 0.1 * recording.joint_torques
-    for time, size in ((2.0, 2.0), (10.0, 5.0), (17.0, 3.0), (20.5, 4.0)):
-        torques[round(10 * time)] = size
-    recording = replace(recording, joint_torques=torques)
-    simulation_figure(recording, (CAPTURE,), None, tmp_path / "x.png", "A walk")
-    panel = kept[0].axes[0]
-    places = [(2.0, 2.0), (10.0, 5.0), (17.0, 3.0), (20.5, 4.0)]  # in the order of the parts
-    for (marker, colour), place in zip(PART_MARKS.values(), places, strict=True):
-        marks = [line for line in panel.lines if line.get_marker() == marker]
-        assert {to_hex(line.get_color()) for line in marks} == {colour}
-        assert len(marks) == 1 + (place[1] == 5.0)  # the largest is filled as well
-        for line in marks:
-            np.testing.assert_allclose(line.get_xydata(), [place])
-    (label,) = (text for text in panel.texts if text.get_text())
-    assert (label.get_text(), label.xy) == ("5.00", pytest.approx((10.0, 5.0)))
 
 
 def test_a_spike_at_a_capture_is_cut_off_and_its_height_written(kept, recording, tmp_path):

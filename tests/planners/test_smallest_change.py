@@ -2,15 +2,26 @@
 
 import itertools
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from map_data import BRIDGE
+from unreachable import unreachable
 
 from mlivr_gym import Box, GraspMap, Settings, stance_graph
 from mlivr_gym.cli.arguments import numbered_boxes
 from mlivr_gym.cli.main import main
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.smallest_change import KINDS, smallest_changes
+from mlivr_gym.planners.smallest_change import (
+    KINDS,
+    THRESHOLD_RESOLUTION,
+    minimum_subset,
+    smallest_changes,
+    smallest_subset,
+)
 
 START, GOAL = ("R0:0", "R1:0"), (4.2, 0.0, 0.65)
 SETTINGS = Settings(manipulability=False)
@@ -81,3 +92,81 @@ def test_the_command_says_what_would_help(bridge, tmp_path, capsys):
     assert [change["parts"] for change in told["suggestions"]] == [list(c.parts) for c in found]
     assert found
     assert all(change.message in told["error"] for change in found)
+
+
+@given(st.lists(st.sets(st.integers(0, 8), min_size=1), min_size=1, max_size=6))
+def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
+    """Some entries suffice if they contain one of several sets.
+
+    A subset of which none can be spared is found at once; it may be larger.
+    """
+
+    def suffices(some):
+        return any(one <= set(some) for one in enough)
+
+    entries = [*range(9)]
+    found, is_proved = minimum_subset(entries, suffices)
+    assert suffices(found)
+    assert is_proved
+    assert len(found) == min(map(len, enough))
+    small = smallest_subset(entries, suffices)
+    assert sorted(small) == small
+    few, is_proved = minimum_subset(entries, suffices, most=0)
+    assert is_proved == (not small)
+    for some in (small, few):
+        assert suffices(some)
+        assert not any(suffices([one for one in some if one != spared]) for spared in some)
+
+
+def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
+    small_checked_graph,
+):
+    """Two walls are in the way, a third box and a point elsewhere are not."""
+    graph, planner = small_checked_graph, Planner(small_checked_graph)
+    x = graph.base_position[:, 0]
+    start, end = graph.points[int(np.argmin(x))].tolist(), graph.base_position[int(np.argmax(x))]
+    goal = np.clip(end, *graph.grasp_map.cabin)
+    plan = planner.plan(start, goal, "steps", goal_tolerance=0.3).unwrap()
+    walls = [
+        Box.between(f"wall{k}", "obstacle", (at, -3.0, -3.0), (at + 0.05, 3.0, 3.0))
+        for k, at in enumerate(x.min() + share * np.ptp(x) for share in (0.4, 0.6))
+    ]
+    far = Box.between("far", "obstacle", (30.0, 0.0, 0.0), (30.1, 0.1, 0.1))
+    unused = next(p for p in range(len(graph.grasp_map)) if p not in np.array(plan.stances))
+    graph.add_obstacles([far, *walls])
+    graph.occupy([unused])
+    try:
+        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
+        assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
+        changes = smallest_changes(graph, start, goal, goal_tolerance=0.3)
+        (change,) = (change for change in changes if change.kind == "obstacles")
+        assert set(change.parts) == {"wall0", "wall1"}
+        assert change.is_smallest
+        for kept in ([], *([wall] for wall in walls)):
+            graph.remove_obstacles()
+            graph.add_obstacles([far, *kept])
+            found = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.3)
+            assert bool(found) == (not kept)
+    finally:
+        graph.remove_obstacles()
+        graph.vacate()
+
+
+def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_none(jem):
+    few = jem.subset(np.random.default_rng(0).random(len(jem)) < 0.35, "sparse")
+    settings = Settings(limb_threshold=0.15, collisions=False)
+    graph, rng = stance_graph(few, settings=settings), np.random.default_rng(0)
+    changes = ()
+    for _ in range(20):
+        start, goal = unreachable(graph, rng)
+        changes = smallest_changes(graph, start, goal, goal_tolerance=0.05)
+        if changes:
+            break
+    (change,) = changes
+    assert change.kind == "limb_threshold"
+    highest = float(change.parts[0])
+    for value in (highest, round(highest + THRESHOLD_RESOLUTION, 9)):
+        other = stance_graph(few, settings=replace(settings, limb_threshold=value))
+        found = Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05)
+        assert bool(found) == (value == highest)
+        assert not found or len(found.plan.steps) == change.steps

@@ -9,8 +9,9 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
+from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.simulation import monte_carlo
-from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
+from mlivr_gym.simulation.controller import DELAYED, FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
 from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
@@ -122,6 +123,28 @@ def test_a_grasp_is_refused_as_often_as_stated(checked_graph, plan):
     simulation.refuses = lambda _: True
     failure = execute_timed_plan(simulation, walk)[-1].failure
     assert (failure.kind, failure.step, failure.phase) == ("refused grasp", 0, "approach")
+
+
+def test_a_late_reading_is_compared_with_the_reference_of_its_time(checked_graph, plan):
+    """Otherwise the limb would be ahead of its reference by speed times delay."""
+    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
+    drawn, step = (
+        DisturbanceRanges(delay=0.01).draw(1, 17, 2, len(checked_graph.grasp_map)),
+        walk.steps[0],
+    )
+    simulation = Simulation(
+        checked_graph.grasp_map, plan.world.robot, controller=DELAYED,
+        disturbance=drawn,
+    )  # fmt: skip
+    recording = execute_timed_plan(simulation, walk)[0].recording
+    swing, limb = recording.phase == PHASES.index("swing"), plan.steps[0].limb
+    samples = np.rint(recording.times[swing] / 0.002).astype(int)
+    ahead = (recording.joint_positions[swing] - step.joint_positions[samples])[:, limb]
+    speeds = step.joint_velocities[samples][:, limb]
+    moves = np.abs(speeds).max(axis=0) > 0.1
+    lead = ((ahead * speeds).sum(axis=0) / (speeds**2).sum(axis=0))[moves]
+    assert len(lead) >= 4
+    assert np.abs(lead).max() < 0.002
 
 
 def test_gains_for_a_delay_hold_where_those_without_it_swing_up(checked_graph, plan):

@@ -79,21 +79,6 @@ def test_the_sensor_of_a_gripper_is_as_noisy_as_stated(simulation, checked_graph
     assert np.abs(middle / np.repeat([0.004, 0.03], 3)).max() < 5.0 / np.sqrt(1500)
 
 
-def test_cameras_are_as_noisy_as_stated(simulation, checked_graph, plan):
-    trajectory = step_trajectory(checked_graph, plan, 0, Durations(), period=0.5)
-    localisation, found = simulation._localisation, []
-    base, readings = simulation.data.qpos[:7].copy(), simulation.data.qpos[7:].copy()
-    for _ in range(800):
-        localisation.reset()
-        localisation.measure(base, readings, trajectory, 0)
-        found.append(localisation._displacements)
-    found = np.array(found)
-    assert found[..., :3].std(axis=0) == pytest.approx(RANGES.sensor_position, rel=0.12)
-    assert found[..., 3:].std(axis=0) == pytest.approx(RANGES.sensor_angle, rel=0.12)
-    assert found[..., :3].std() == pytest.approx(RANGES.sensor_position, rel=0.04)
-    assert found[..., 3:].std() == pytest.approx(RANGES.sensor_angle, rel=0.04)
-
-
 @pytest.mark.parametrize(("distance", "angle"), [(0.99, 0.99), (1.01, 0.5), (0.5, 1.01)])
 def test_a_gripper_captures_up_to_a_distance_and_an_angle(distance, angle):
     physics = Physics(capture_distance=0.02, capture_angle=0.05)
@@ -234,14 +219,3 @@ def test_the_module_feels_the_opposite_of_all_grasps(simulation):
             torque -= turns[limb].apply(torques[k, limb]) + np.cross(places[limb], pull)
         np.testing.assert_allclose(found["module_forces"][k], force)
         np.testing.assert_allclose(found["module_torques"][k], torque)
-
-
-def test_cameras_without_noise_find_the_errors_of_encoders(simulation, checked_graph, plan):
-    trajectory = step_trajectory(checked_graph, plan, 0, Durations(), period=0.5)
-    localisation, bias = simulation._localisation, simulation.disturbance.encoder_bias / 4.0
-    localisation._noise = np.zeros(6)
-    base, joints = simulation.data.qpos[:7].copy(), simulation.data.qpos[7:].copy()
-    for _ in range(1000):
-        localisation.measure(base, joints + bias.ravel(), trajectory, 0)
-    assert np.abs(bias).max() > 0.004
-    np.testing.assert_allclose(localisation.encoder_errors, bias, atol=2e-4)

@@ -80,12 +80,6 @@ SPECIAL = {
     "read_study": lambda of: {"folder": of.file("study")},
     "Camera.seeing": lambda of: {"aspect": 2.0},
     "closed_loop_film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
-    "mission_film": lambda of: {
-        "parts": [of["MissionPart"]],
-        "path": "walk.gif",
-        "size": (32, 16),
-        "speed": 1000.0,
-    },
     "find_walk": lambda of: {"method": "random", "start": of["State"], "max_steps": 3},
     "RobotSpec.from_dict": lambda of: {"data": of["RobotSpec"].to_dict()},
     "RobotSpec.load": lambda of: {"path": of.file("robot.json")},
