@@ -106,16 +106,18 @@ def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array)
     return joints
 
 
-def dense_knots(robot: RobotSpec, ends: StepEnds, curve: JointCurve) -> Array:
+def dense_knots(
+    robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float = SWING_TOLERANCE
+) -> Array:
     """Return knots of a motion, shape (k, N, 6) [rad], so dense that lines between them are close.
 
-    They are the control points of its spline at equal distances.
+    They are the control points of its spline at equal distances; lines are within `tolerance` [m].
     """
     rest = JointPath(
         robot, ends.limb, int(ends.limb == 0), ends.positions[0], ends.rotations[0],
         ends.joints[:1], (0,),
     )  # fmt: skip
-    radii, pieces = lever_arms(robot, ends.limb) / SWING_TOLERANCE, FEWEST_PIECES
+    radii, pieces = lever_arms(robot, ends.limb) / tolerance, FEWEST_PIECES
     while True:
         places = control_places(pieces + CUBIC)
         joints = curve(np.sort(np.append(places, 0.5 * (places[1:] + places[:-1]))))

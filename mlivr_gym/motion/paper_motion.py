@@ -30,6 +30,9 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 SAMPLES: Array = np.linspace(0.0, 1.0, 400)
 """Path parameters at which it is checked that limbs can follow."""
 
+TOLERANCE = 2e-4
+"""How far lines between knots may move the robot off the samples [m]."""
+
 MAX_JUMP = 0.2
 """Largest change of a joint between two of these samples [rad]; a larger one indicates a
 singularity."""
@@ -54,7 +57,7 @@ def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
         joints[:, limb] = swing(sigma) if is_straight else line
         return joints
 
-    return step_path(graph, ends, lifts, [dense_knots(graph.robot, ends, curve)])
+    return step_path(graph, ends, lifts, [dense_knots(graph.robot, ends, curve, TOLERANCE)])
 
 
 def _straight_swing(graph: StanceGraph, ends: StepEnds, path: BasePath, first: Array) -> JointCurve:

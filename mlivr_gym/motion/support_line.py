@@ -39,8 +39,8 @@ class SupportLine:
 
     def knots(self, a: Array, b: Array) -> Array:
         """Return the two knots of the line between two swing knots, shape (2, 2, 6) [rad]."""
-        rows, first, last = np.stack([a, b]), *self._ends.joints[:, self._support]
-        joints = np.empty((2, 2, 6))
-        joints[:, self._support] = first + rows[:, :1] * (last - first)
+        rows, joints = np.stack([a, b]), np.empty((2, 2, 6))
+        shares = np.stack([1.0 - rows[:, 0], rows[:, 0]], axis=1)
+        joints[:, self._support] = shares @ self._ends.joints[:, self._support]
         joints[:, self._ends.limb] = rows[:, 1:]
         return joints

@@ -35,8 +35,8 @@ def test_a_line_is_clear_in_the_fold_that_the_check_of_steps_finds(small_checked
         limb, before, after = two_stances(graph, rng)
         stances, *_ = asked(graph, limb, before, after, [ALL, ALL], False)
         of_step = PlainLineStep(PlainChecks(graph, stances), limb, 0, 1)
-        both = stances.releases["folds"][:, limb]
-        folds = [k for k in range(len(graph.robot.folds)) if both[0] & both[1] >> k & 1]
+        both = int(np.bitwise_and.reduce(stances.releases["folds"][:, limb]))
+        folds = [k for k in range(len(graph.robot.folds)) if both >> k & 1]
         for bit in range(16):
             line = of_step.line(bit % 8, bit // 8)
             kept = int(stances.branch_sets[1, 1 - limb]) >> bit & 1
