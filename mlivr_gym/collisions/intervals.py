@@ -15,9 +15,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
-
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import (
     GraspSurface,
     compare_with_grid,
@@ -28,6 +26,12 @@ from mlivr_gym.collisions.against_robot import (
     compare_limbs,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.compared import (
+    Compared,
+    LineInterval,
+    begin_comparing,
+    copy_pending,
+)
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
     JointLine,
@@ -39,7 +43,7 @@ from mlivr_gym.collisions.joint_lines import (
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.motion import RestingLimbs
 from mlivr_gym.collisions.placement import axis_of, capsule_axis
-from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, below, has, only
+from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.kinematics.poses import Pose, out_of
@@ -54,45 +58,6 @@ only."""
 
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
-
-
-class Compared(Record):
-    """What is compared on a line."""
-
-    boxes: int
-    """Set of limbs that are compared with boxes."""
-    holding: int
-    """Set of limbs that hold: their capsules on the flange axis stand still and are not compared
-    with boxes, since this was done where the stance was checked."""
-    base: bool
-    """Whether the body and what is fixed to it is compared with boxes."""
-    itself: int
-    """Set of limbs that are compared with themselves and the body."""
-    first: int
-    """Limb that is compared with `second`, or with the limbs at rest."""
-    second: int
-    """Limb that the first one is compared with, -1 for none."""
-    resting: bool
-    """Whether the first limb is compared with the limbs at rest."""
-
-
-class LineInterval(Record):
-    """An interval of a line that is still to be checked, with the comparisons that remain."""
-
-    middle: float
-    """Its middle, as a fraction of the line."""
-    half: float
-    """Half its length."""
-    boxes: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of capsules to compare with boxes."""
-    itself: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of pairs of its capsules to compare."""
-    body: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of capsules to compare with the body."""
-    limbs: int
-    """Set of capsules of the first limb to compare with the second, or of limbs at rest."""
-    base: bool
-    """Whether the base is to be compared with boxes."""
 
 
 class LineScratch(Record):
@@ -177,22 +142,6 @@ def check_around(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Li
     return _compare(robot, grid, clearance, interval, scratch)
 
 
-@kernel
-def begin_comparing(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
-    """Set an interval to the whole line, with everything to be compared."""
-    interval.middle = interval.half = 0.5
-    for i in range(robot.limb_count):
-        interval.boxes[i] = interval.itself[i] = interval.body[i] = EMPTY
-        if has(compared.boxes, i):
-            interval.boxes[i] = EVERY
-            if has(compared.holding, i):
-                interval.boxes[i] = below(robot.limbs[i].first_on_axis)
-        if has(compared.itself, i):
-            interval.itself[i] = interval.body[i] = EVERY
-    interval.base = compared.base
-    interval.limbs = EVERY if compared.resting or compared.second >= 0 else EMPTY
-
-
 @part
 def _halve(first: LineInterval, second: LineInterval) -> None:
     """Replace an interval by its first half, and set another one to its second half."""
@@ -200,15 +149,6 @@ def _halve(first: LineInterval, second: LineInterval) -> None:
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
     copy_pending(first, second)
-
-
-@kernel
-def copy_pending(first: LineInterval, second: LineInterval) -> None:
-    """Give the second interval the comparisons that remain for the first."""
-    for i in range(MOST_LIMBS):
-        second.boxes[i], second.itself[i] = first.boxes[i], first.itself[i]
-        second.body[i] = first.body[i]
-    second.limbs, second.base = first.limbs, first.base
 
 
 @part

@@ -90,8 +90,8 @@ def step_path(
     """
     limb, turned = ends.limb, (lifts[0], lifts[1][::-1])
     departure, approach = (
-        np.tile(joints, (len(knots), 1, 1))
-        for joints, knots in zip((ends.joints[0], parts[-1][-1]), turned, strict=True)
+        np.tile(joints, (len(angles), 1, 1))
+        for joints, angles in zip((ends.joints[0], parts[-1][-1]), turned, strict=True)
     )
     departure[:, limb], approach[:, limb] = turned
     every = [departure, *parts, approach]

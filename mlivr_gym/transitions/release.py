@@ -18,14 +18,9 @@ from typing import Any
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import set_grasp_surface
+from mlivr_gym.collisions.compared import begin_comparing, copy_pending
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
-from mlivr_gym.collisions.intervals import (
-    begin_comparing,
-    check_around,
-    check_line,
-    check_pending,
-    copy_pending,
-)
+from mlivr_gym.collisions.intervals import check_around, check_line, check_pending
 from mlivr_gym.collisions.joint_lines import RESTING, place_limb
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
