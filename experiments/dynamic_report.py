@@ -15,7 +15,7 @@ CONTROLLERS = {"full": "guided", "feedforward": "feedforward", "paper": "the pap
 PACES = {"fast": "fast", "quintic": "fast, quintics", "gentle": "gentle", "paper": "50 s"}
 """Names of controllers and paces in tables."""
 
-CLOCKS = {"fastest": "fastest", "sharp": "fastest, stopping at corners", "quintic": "quintic"}
+CLOCKS = {"fastest": "fastest", "quintic": "quintic"}
 """Time scalings that are compared."""
 
 LIMITS = {
@@ -101,9 +101,7 @@ If all steps take the same time, the slowest one needs \
 
 Computed for the {pace["steps"]} steps of the random plans. One limit binds in each path segment; \
 *segments* counts them at the
-default limits. Of the {pace["corners"]} corners of their swings {pace["rounded"]} are rounded \
-within the clearance; *stopping at corners* is the duration of the same
-steps with no rounded corner.
+default limits.
 
 {table("time scaling | s a step | segments by binding limit", scalings)}
 One limit varied, the others at their defaults (`pace.png`):
@@ -126,7 +124,7 @@ def readme_text(data: dict[str, Any]) -> str:
     walks = {(row["controller"], row["pace"]): row for row in data["walks"]}
     fast, gentle = (data["random_plans"][name] for name in ("fast", "gentle"))
     paper, pace = walks["paper", "paper"], data["pace"]
-    plain, sharp = (pace[name]["seconds_a_step"] for name in ("quintic", "sharp"))
+    plain = pace["quintic"]["seconds_a_step"]
     ended = walk_row(paper)[3]
     deciding = pace["fastest"]["deciding"]
     first = max(set(deciding) - {"surface_speed"}, key=lambda name: deciding[name])
@@ -138,8 +136,8 @@ base error of at most {fast["largest_base_error_mm"]:.0f} mm; at the gentle pace
 The limits of {Limits().grasp_force:g} N and {Limits().grasp_torque:g} N m hold for the \
 planned motion; \
 tracking errors and the capture of a point add to its loads.
-Quintic instead of time-optimal time scaling would take {plain:.1f} s a step, a stop at every \
-corner {sharp:.1f} s. In swings the {first.replace("_", " ")} is most often the binding limit.
+Quintic instead of time-optimal time scaling would take {plain:.1f} s a step. \
+In swings the {first.replace("_", " ")} is most often the binding limit.
 Case 3 with the paper's controller at 50 s a step \
 {"is carried out" if ended == "done" else f"ends with a {ended}"}; the largest base error is \
 {paper["largest_base_error_mm"]:.0f} mm. \

@@ -28,9 +28,6 @@ from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.commitment import commitments, edges_along
-from mlivr_gym.motion.joint_path import JointPath
-from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations, duration_of
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
@@ -133,23 +130,11 @@ def random_plans(task: int, pace: str, plans: int) -> dict[str, Any]:
     }
 
 
-def stopping(graph: StanceGraph, plan: Plan) -> list[JointPath]:
-    """Return the joint paths of a plan that stop at all corners of the same swings."""
-    paths = []
-    for k, edge in enumerate(edges_along(graph, plan.motion)):
-        ends = StepEnds.of(graph, plan.motion, k)
-        path = next(commitments(graph, ends, edge, rounding=False)).path
-        assert path is not None
-        paths.append(path)
-    return paths
-
-
 def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
     """Compute the duration of a step under varied limits, and the binding limit of each segment."""
     steps = [plan.joint_path(index) for plan in plans for index in range(len(plan.steps))]
-    sharp = [path for plan in plans for path in stopping(graph, plan)]
 
-    def seconds(limits: Limits, steps: Sequence[JointPath] = steps) -> tuple[float, Counter[str]]:
+    def seconds(limits: Limits) -> tuple[float, Counter[str]]:
         total, deciding = 0.0, Counter[str]()
         for path in steps:
             for segment in path.segments:
@@ -159,18 +144,10 @@ def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
                 deciding[rows.binding(scaling).limit] += 1
         return total / len(steps), deciding
 
-    stops = sum(len(path.segments) for path in sharp)
-    data: dict[str, Any] = {
-        "steps": len(steps),
-        "corners": stops - 3 * len(steps),
-        "rounded": stops - sum(len(path.segments) for path in steps),
-        "fronts": {},
-    }
-    for name, profile, given in (
-        ("fastest", "fastest", steps), ("sharp", "fastest", sharp), ("quintic", "quintic", steps),
-    ):  # fmt: skip
-        mean, deciding = seconds(Limits(profile=profile), given)
-        data[name] = {"seconds_a_step": mean, "deciding": dict(deciding)}
+    data: dict[str, Any] = {"steps": len(steps), "fronts": {}}
+    for profile in ("fastest", "quintic"):
+        mean, deciding = seconds(Limits(profile=profile))
+        data[profile] = {"seconds_a_step": mean, "deciding": dict(deciding)}
     for name, values in VARIED.items():
         data["fronts"][name] = [
             [value, seconds(replace(Limits(), **{name: value}))[0]]

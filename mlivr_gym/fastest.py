@@ -110,7 +110,7 @@ def _with_best_swings(
     motion, steps = plan.motion, list[Step]()
     for k, (step, edge) in enumerate(zip(plan.steps, edges_along(graph, motion), strict=True)):
         best, least = step, impulse(plan.joint_path(k))
-        edge = edge._replace(fold=-1, line_branches=-1)
+        edge = edge._replace(line_branches=-1)
         for path, swing in commitments(graph, StepEnds.of(graph, motion, k), edge):
             if path is not None and impulse(path) < least:
                 best, least = step.along(path, swing), impulse(path)

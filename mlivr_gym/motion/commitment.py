@@ -37,7 +37,7 @@ from mlivr_gym.transitions.state import State, moving_limb
 CACHED_STEPS = 4096
 """Capacity of the cache `CommittedSteps`, in steps."""
 
-UNCHECKED = Edge(path_kind=STRAIGHT, fold=-1, line_branches=-1, kept={})
+UNCHECKED = Edge(path_kind=STRAIGHT, line_branches=-1, kept={})
 """The edge of a step of a graph that does not check steps."""
 
 

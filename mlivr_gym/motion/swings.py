@@ -12,6 +12,8 @@ have little reaction (`mlivr_gym.fastest`):
 * `folded`: fold the limb, move the base, unfold the limb. The stance graph tries this first, and a
   plan takes it where no shorter swing is clear.
 
+Folds are tried in the order of the joint travel to them.
+
 While the base is at rest, a limb changes between folds and branches by the fewest clear lines
 (breadth-first search). The lines by which the graph proved that the limb can be released are among
 them, so each edge of the graph has a swing; should none be found, the planner reports it. Joint 6
@@ -72,6 +74,8 @@ class SwingFinder:
         """
         first, last = swing_knot(0.0, start), swing_knot(1.0, end)
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
+        travels = sum(np.abs(folds - joints[:5]).max(axis=1) for joints in (start, end))
+        folds = folds[np.argsort(travels, kind="stable")]
         over = ((first, swing_knot(0.5, fold, end), last) for fold in folds)
         for knots in ((first, last), *over):
             if all(self._supports.is_clear(a, b) for a, b in pairwise(knots)):
@@ -92,15 +96,15 @@ class SwingFinder:
     def _candidates(self, folds: Array, edge: Edge) -> Iterator[tuple[str, Array, Array]]:
         """Yield kinds of swing, with the joint angles before and after the base moves.
 
-        The kind by which the stance graph proved the step comes first.
+        The line by which the stance graph proved the step comes first, then the folds.
         """
         if edge.line_branches >= 0:
             branches = divmod(edge.line_branches, 8)
             before, after = (self._above(side, branches[side]) for side in range(2))
             if before is not None and after is not None:
                 yield "changed", before, after
-        for k in sorted(range(len(folds)), key=lambda k: k != edge.fold):
-            yield "folded", folds[k], folds[k]
+        for fold in folds:
+            yield "folded", fold, fold
 
     def _chain_at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
         """Return a chain of the fewest clear lines between two knots via `others`, or None."""

@@ -13,7 +13,7 @@ from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
-from mlivr_gym.transitions.edge import Edge, edge_alone
+from mlivr_gym.transitions.edge import Edge, edge_alone, is_told_apart
 from mlivr_gym.transitions.records import (
     STORED_ALONE,
     STORED_FIRST,
@@ -64,11 +64,15 @@ class TwoLimbEdges:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
         return edge_indices(support, before, after, self.table)
 
-    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge:
-        """Return the edge of a step for the branches of the support limb; check it if unknown."""
+    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge | None:
+        """Return the edge of a step for the branches of the support limb; check it if unknown.
+
+        None if its swing does not follow from what is stored.
+        """
         self.check_steps(*(np.array([one]) for one in (support, before, after)))
         found = self.table.edges[self.index(support, before, after)]
-        return edge_alone(support, branch_set & int(found["kept"]), found)
+        kept = branch_set & int(found["kept"])
+        return edge_alone(support, kept, found) if is_told_apart(kept, found) else None
 
     @property
     def checked(self) -> IntArray:

@@ -292,11 +292,11 @@ class TwoLimbGraph(StanceGraph):
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
         """Return the edge of a step; see `StanceGraph.edge`."""
         s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
-        is_known = self.settings.collisions and self.settings.transitions
-        if not is_known or s0 < 0 or s1 < 0:
-            return super().edge(state, after, posture)
-        support = 1 - moving_limb(state.stance, tuple(after))
-        return self._known.edge(state.branch_sets[support], support, s0, s1)
+        found, is_known = None, self.settings.collisions and self.settings.transitions
+        if is_known and s0 >= 0 and s1 >= 0:
+            support = 1 - moving_limb(state.stance, tuple(after))
+            found = self._known.edge(state.branch_sets[support], support, s0, s1)
+        return super().edge(state, after, posture) if found is None else found
 
     @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of, codes_of
 from mlivr_gym.kinematics.base_path import STRAIGHT
-from mlivr_gym.transitions.line_steps import OTHER_FOLD
+from mlivr_gym.transitions.line_steps import ON_LINE, OTHER_FOLD
 
 
 class Edge(NamedTuple):
@@ -14,12 +14,9 @@ class Edge(NamedTuple):
 
     path_kind: int
     """Of three and more limbs: kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
-    fold: int
-    """Fold in which the limb can be moved, -1 if it swings along a line or collisions are not
-    checked."""
     line_branches: int
-    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
-    -1."""
+    """Branches between which the limb can swing along a line in joint space, `8 * before + after`;
+    -1 if it can be moved in a fold."""
     kept: dict[int, int]
     """Branches that each support limb keeps, by limb; empty if the step is no edge."""
 
@@ -30,7 +27,7 @@ def edge_of(step: Any, limbs: int) -> Edge:
         support = 1 - int(step["limb"])
         return edge_alone(support, int(step["kept"][support]), step)
     kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
-    return Edge(int(step["path_kind"]), int(step["fold"]), int(step["line_branches"]), kept)
+    return Edge(int(step["path_kind"]), int(step["line_branches"]), kept)
 
 
 def edge_alone(support: int, kept: int, found: Any) -> Edge:
@@ -40,8 +37,20 @@ def edge_alone(support: int, kept: int, found: Any) -> Edge:
     `StepRecord`.
     """
     if not kept:
-        return Edge(STRAIGHT, -1, -1, {})
-    code = codes_of(found["swings"])[bits_of(kept)[0] % BRANCHES]
-    if code < OTHER_FOLD:
-        return Edge(STRAIGHT, code, -1, {support: kept})
-    return Edge(STRAIGHT, -1, int(found["line_branches"]), {support: kept})
+        return Edge(STRAIGHT, -1, {})
+    is_on_line = _code_of(kept, found) == ON_LINE
+    line_branches = int(found["line_branches"]) if is_on_line else -1
+    return Edge(STRAIGHT, line_branches, {support: kept})
+
+
+def is_told_apart(kept: int, found: Any) -> bool:
+    """Return whether the swing of the first hold follows from the codes, as `edge_alone` reads it.
+
+    If one flip of a branch has a fold and the other the line, they do not tell which.
+    """
+    return not kept or _code_of(kept, found) != OTHER_FOLD or int(found["line_branches"]) < 0
+
+
+def _code_of(kept: int, found: Any) -> int:
+    """Return the code of the first hold of a branch set."""
+    return codes_of(found["swings"])[bits_of(kept)[0] % BRANCHES]

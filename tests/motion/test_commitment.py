@@ -11,12 +11,15 @@ from paper import NO_COLLISIONS
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
+from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.transitions.state import moving_limb
 
 
 @pytest.mark.parametrize(("limbs", "seed"), [(2, 2), (3, 4), (4, 3)])
@@ -154,6 +157,21 @@ def test_every_walk_of_legal_steps_is_put_together(checked_graph, world):
     finally:
         graph.remove_obstacles()
     assert min(kinds[kind] for kind in ("direct", "over", "folded", "changed")) > 0
+
+
+def test_edges_from_the_table_are_those_of_a_check(checked_graph):
+    """For single holds; the table has one code for both flips of a branch."""
+    graph, rng, kinds = checked_graph, np.random.default_rng(3), Counter()
+    for _ in range(60):
+        before, after = random_walk(graph, rng, 1)
+        support = 1 - moving_limb(before.stance, after.stance)
+        postures = graph.postures_of([before, after])
+        for bit in bits_of(before.branch_sets[support] & postures.branch_sets[1, support]):
+            state = before._replace(branch_sets=(1 << bit, 1 << bit))
+            stored = graph.edge(state, after.stance, postures)
+            assert stored == CheckedSteps.edge(graph, state, after.stance, postures)
+            kinds[bool(stored.kept), stored.line_branches >= 0] += 1
+    assert min(kinds[True, line] for line in (False, True)) > 0
 
 
 @pytest.mark.parametrize("limbs", [3, 4])

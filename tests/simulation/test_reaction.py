@@ -62,7 +62,7 @@ def least_impulses(graph, plan):
     """The least total impulse of each step of a plan with its base poses, over all clear swings."""
     least = []
     for k, edge in enumerate(edges_along(graph, plan.motion)):
-        edge = edge._replace(fold=-1, line_branches=-1)
+        edge = edge._replace(line_branches=-1)
         swings = commitments(graph, StepEnds.of(graph, plan.motion, k), edge)
         least.append(min(reaction_of(timed_path(one.path)).impulse for one in swings))
     return np.array(least)
