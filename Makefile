@@ -54,7 +54,6 @@ results: $(VENV)/.dev
 	$(BIN)/mlivr-gym table1 --out results
 	$(BIN)/python experiments/table1_study.py
 	$(BIN)/python experiments/table1_statistics.py
-	$(BIN)/python experiments/thresholds.py
 	$(BIN)/python experiments/truth.py
 	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/benchmark_planning.py
@@ -64,11 +63,8 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/closed_loop_policies.py
 	$(BIN)/python experiments/station_load.py
 	$(BIN)/python experiments/reaction.py
-	$(BIN)/python experiments/cargo.py
 	$(BIN)/python experiments/cargo_mission.py
 	$(BIN)/python experiments/failed_joints.py
-	$(BIN)/python experiments/study.py
-	$(BIN)/python experiments/arm_branches.py
 	$(BIN)/python experiments/robots.py
 	$(BIN)/python experiments/pace_film.py
 	$(BIN)/python experiments/environment_films.py
@@ -80,12 +76,9 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/concept_certificate.py
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
-	$(BIN)/python experiments/limb_starts.py
 	$(BIN)/python experiments/random_layouts.py
 	$(BIN)/python experiments/places.py
 	$(BIN)/python experiments/place_pictures.py
-	$(BIN)/mlivr-gym reach --start D2a:4 D2b:4 --picture docs/pictures/reach.png && rm docs/pictures/reach.svg
-	$(BIN)/python experiments/whole_station.py
 	$(BIN)/python experiments/start_up.py
 	$(BIN)/python experiments/readme.py
 
@@ -94,7 +87,6 @@ compare: $(VENV)/.dev
 	$(BIN)/python experiments/train_policies.py
 	$(BIN)/python experiments/planner_vs_rl.py
 	$(BIN)/python experiments/reference_curves.py
-	$(BIN)/python experiments/unknown_map_policy.py
 	$(BIN)/python experiments/unknown_map.py
 	$(BIN)/python experiments/readme.py
 

@@ -109,7 +109,7 @@ def train(
     OrNone(InstanceOf(MlivrEnv)).read(env, FieldPath("env", SettingError))
     if env is None:
         env_arguments = env_arguments or {}
-        env = MlivrEnv(**(env_arguments | {"precompute": True}))
+        env = MlivrEnv(**env_arguments)
     elif env.spec is not None:
         env_arguments = env.spec.kwargs
     used = {name: value for name, value in hyperparameters.items() if name != "networks"}

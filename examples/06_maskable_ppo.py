@@ -30,9 +30,8 @@ torch.set_num_threads(1)  # small networks are slower with more threads
 points = jem_map()
 near = points.subset((points.positions[:, 0] > 1.0) & (points.positions[:, 0] < 3.5), "two racks")
 print(mlivr_gym.__version__, near)
-env = gymnasium.make(
-    "MLIVR-JEM-v0", map=near, tasks=OneTask(), shaping=True, precompute=True, max_episode_steps=40
-)
+env = gymnasium.make("MLIVR-JEM-v0", map=near, tasks=OneTask(), shaping=True, max_episode_steps=40)
+env.unwrapped.table_moves()  # computes all steps at once, of which training needs most
 
 model = MaskablePPO("MultiInputPolicy", env, n_steps=512, gamma=0.99, seed=0, device="cpu")
 for steps in (0, STEPS):

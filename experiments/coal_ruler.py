@@ -16,7 +16,6 @@ from mlivr_gym import Box, GraspMap
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.scene import scene_spec
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -162,7 +161,7 @@ def sampled(graph: StanceGraph, plan: Plan, samples: int) -> list[tuple[Configur
     """Return configurations along each step of a plan, with the limbs that are at a point."""
     found = []
     for k, step in enumerate(plan.steps):
-        motion = step_motion(graph, plan, k, samples)
+        motion = plan.joint_path(k).samples(samples)
         before, after = (graph.indices(plan.stances[n]) for n in (k, k + 1))
         still = [(i, point) for i, point in enumerate(before) if i != step.limb]
         # It departs from one point and approaches the other; between them it is free.

@@ -21,7 +21,8 @@ from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, 
 from mlivr_gym.kinematics.families import branch_terms, stays_above
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
 from mlivr_gym.kinematics.poses import Pose, along, columns, vector
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.commitment import edges_along
+from mlivr_gym.motion.step_ends import StepEnds, support_joints
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
@@ -78,23 +79,24 @@ class Holding(NamedTuple):
     """A support limb that holds its point while the base follows its path."""
 
     graph: TwoLimbGraph
-    path: RegraspPath
+    ends: StepEnds
+    path: BasePath
     limb: int
 
     def w_m(self, s: Array) -> Array:
         """Return the limb manipulability by its definition at path parameters, shape (k,)."""
-        joints = self.path.supports(s)[:, self.limb]
+        joints = support_joints(self.graph, self.ends, self.path, s)[:, self.limb]
         return np.array([manipulability(self.graph, q) for q in joints])
 
     def bound(self, first: float, last: float) -> float:
         """Return the highest floor that is proved between two path parameters; 0 if none is."""
-        graph, regrasp = self.graph, self.path.regrasp
+        graph, ends = self.graph, self.ends
         limb: Any = graph.solver.shapes.robot["limbs"][self.limb]
         floors = FLOORS[1:] * graph.robot.characteristic_length**3 / limb["arm"]["links"]
-        flange = graph.solver.grasps[regrasp.before[self.limb]]["flange"]
+        flange = graph.solver.grasps[ends.before[self.limb]]["flange"]
         interval = 0.5 * (first + last), 0.5 * (last - first)
-        choice, scratch = regrasp.branches[self.limb] // 2, (Pose.row(), np.zeros((4, 4)))
-        proved = count_proved(limb, flange, regrasp.base_path, interval, choice, floors**2, scratch)
+        choice, scratch = ends.branches[self.limb] // 2, (Pose.row(), np.zeros((4, 4)))
+        proved = count_proved(limb, flange, self.path, interval, choice, floors**2, scratch)
         return float(FLOORS[proved])
 
     def intervals(self, floor: float) -> list[Interval]:
@@ -115,9 +117,9 @@ def main() -> None:
     """Draw the figure."""
     graph = two_limb_graph()
     plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
-    regrasp, floor = planned_regrasp(graph, plan, STEP), graph.settings.path_floor
-    limb = 1 - regrasp.limb
-    holding = Holding(graph, RegraspPath(graph, regrasp), limb)
+    ends, floor = StepEnds.of(graph, plan.motion, STEP), graph.settings.path_floor
+    limb, kind = 1 - ends.limb, edges_along(graph, plan.motion)[STEP].path_kind
+    holding = Holding(graph, ends, ends.base_path(graph, kind), limb)
     intervals = holding.intervals(floor)
     s = np.linspace(0.0, 1.0, 400)
     figure = Figure(figsize=(10.4, 3.8), dpi=110, layout="constrained")

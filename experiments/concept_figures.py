@@ -18,10 +18,8 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.motion.joint_path import PHASES, StepMotion
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_motion import StepMotion, step_motion
-from mlivr_gym.motion.regrasp import PHASES
-from mlivr_gym.motion.rounded_lines import RoundedLines
 from mlivr_gym.pictures.figures import point_colours, save_figure
 from mlivr_gym.pictures.map_views import (
     FROM_ABOVE,
@@ -127,7 +125,7 @@ def stance_figure(graph: TwoLimbGraph, plan: Plan) -> None:
 
 def step_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     """Draw four moments of a step, from departure to approach."""
-    motion, step = step_motion(graph, plan, 0), plan.steps[0]
+    motion, step = plan.joint_path(0).samples(50), plan.steps[0]
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
     moments = {
         "holding": 0,
@@ -202,40 +200,35 @@ def manipulability_figure(graph: TwoLimbGraph, plan: Plan) -> None:
 
 
 def swing_figure(graph: TwoLimbGraph, plan: Plan) -> None:
-    """Draw the path of the gripper during a swing, and its knots in joint space."""
-    step, motion = plan.steps[0], step_motion(graph, plan, 0)
-    knots, tips = np.array(step.knots), gripper_places(graph, motion, step.limb)
+    """Draw the path of the gripper during a step, and its knots in joint space."""
+    step, path = plan.steps[0], plan.joint_path(0)
+    motion = path.samples(60)
+    tips, swing = gripper_places(graph, motion, step.limb), np.flatnonzero(motion.phase == 1)
     figure = Figure(figsize=(11.2, 4.0), dpi=110)
     place = (0.07, 0.12, 0.43, 0.72)
     axes = shown(figure, place, graph, FROM_THE_SIDE, (1.2, 4.9, -1.2, 0.75))
-    swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
-    off = np.abs(motion.joint_positions[swing, step.limb][:, None] - knots[:, 1:]).max(axis=2)
-    for k, there in enumerate(swing[off.argmin(axis=0)].tolist()):
+    for k, there in enumerate(swing[[0, len(swing) // 2, -1]].tolist()):
         parts = robot_parts(graph.robot, at(motion, there))
         some = [part for part in parts if part.name.startswith((f"limb{step.limb}", "body"))]
-        draw_parts(axes, FROM_THE_SIDE, some, 0.75 - 0.6 * k / len(knots))
-        axes.scatter(*tips[there, SIDE], s=34, color="k", zorder=7)
-        axes.annotate(str(k), tips[there, SIDE], (5, 4), **BESIDE)
+        draw_parts(axes, FROM_THE_SIDE, some, 0.75 - 0.2 * k)
     axes.plot(*tips[:, SIDE].T, color="#555555", lw=1.8, zorder=6)
     axes.plot(*tips[swing][:, SIDE].T, color=LIMB_COLOURS[step.limb], lw=1.8, zorder=6)
-    axes.set_title("the gripper's way, and the limb where it is closest to the knots",
+    axes.set_title("the gripper at the start, in the middle and at the end of its swing",
                    fontsize=9.5, loc="left", color="0.25")  # fmt: skip
     right = figure.add_axes((0.57, 0.14, 0.41, 0.68))
-    run, sigma = RoundedLines(knots, np.array(step.rounded)[1:-1]), np.linspace(0.0, 1.0, 200)
-    curve, numbers = run.at(sigma), range(len(knots))
-    for joint in range(1, 7):
-        (line,) = right.plot(np.interp(sigma, run.knot_sigmas, numbers), curve[:, joint],
-                             label=f"joint {joint}")  # fmt: skip
-        right.plot(numbers, knots[:, joint], "o:", color=line.get_color(), ms=4, lw=0.8)
-    right.set_xticks(numbers, [f"{k}\ns = {s:g}" for k, s in enumerate(knots[:, 0].round(2))])
-    right.set_xlabel("knot, and where the base is on its path", fontsize=8)
+    for joint in range(6):
+        right.plot(path.sigmas, path.knots[:, step.limb, joint], ".-", ms=4, lw=0.8,
+                   label=f"joint {joint + 1}")  # fmt: skip
+    for rest in range(1, len(path.segments)):
+        right.axvline(rest, color="0.6", lw=0.8, ls=":")
+    right.set_xlabel("path parameter; dots are knots, dotted lines points of rest", fontsize=8)
     right.set_ylabel("joint angle [rad]", fontsize=8)
     right.tick_params(labelsize=8)
     right.spines[["top", "right"]].set_visible(False)
     above: dict[str, Any] = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0)}
     right.legend(fontsize=7.5, frameon=False, ncols=6, **above)
-    finish(figure, f"A swing of kind '{step.swing}': lines between knots, of limb and base "
-           "together, and rounded corners", "swing")  # fmt: skip
+    finish(figure, f"The joint path of a step with a swing of kind '{step.swing}': "
+           "knots of the limb that moves", "swing")  # fmt: skip
 
 
 def main() -> None:

@@ -28,8 +28,9 @@ from tqdm import tqdm
 
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.path_segments import PathSegment, path_segments
-from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
+from mlivr_gym.motion.commitment import commitments, edges_along
+from mlivr_gym.motion.joint_path import JointPath
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations, duration_of
 from mlivr_gym.pictures.simulation_figure import simulation_figure
 from mlivr_gym.planners import Plan, Planner
@@ -132,39 +133,41 @@ def random_plans(task: int, pace: str, plans: int) -> dict[str, Any]:
     }
 
 
+def stopping(graph: StanceGraph, plan: Plan) -> list[JointPath]:
+    """Return the joint paths of a plan that stop at all corners of the same swings."""
+    paths = []
+    for k, edge in enumerate(edges_along(graph, plan.motion)):
+        ends = StepEnds.of(graph, plan.motion, k)
+        path = next(commitments(graph, ends, edge, rounding=False)).path
+        assert path is not None
+        paths.append(path)
+    return paths
+
+
 def pace(graph: StanceGraph, plans: Sequence[Plan]) -> dict[str, Any]:
     """Compute the duration of a step under varied limits, and the binding limit of each segment."""
-    steps = [
-        planned_regrasp(graph, plan, index) for plan in plans for index in range(len(plan.steps))
-    ]
-    sharp = [replace(step, rounded=np.zeros_like(step.rounded)) for step in steps]
-    corners = np.concatenate([step.rounded[1:-1, 0] for step in steps])
+    steps = [plan.joint_path(index) for plan in plans for index in range(len(plan.steps))]
+    sharp = [path for plan in plans for path in stopping(graph, plan)]
 
-    def pieces_of(steps: Sequence[Regrasp]) -> list[tuple[RegraspPath, tuple[PathSegment, ...]]]:
-        paths = [RegraspPath(graph, step) for step in steps]
-        return [(path, path_segments(path)) for path in paths]
-
-    pieces = pieces_of(steps)
-
-    def seconds(limits: Limits, pieces: Any = pieces) -> tuple[float, Counter[str]]:
+    def seconds(limits: Limits, steps: Sequence[JointPath] = steps) -> tuple[float, Counter[str]]:
         total, deciding = 0.0, Counter[str]()
-        for path, parts in pieces:
-            for piece in parts:
-                rows = segment_dynamics(graph.robot, path.regrasp, piece, limits)
+        for path in steps:
+            for segment in path.segments:
+                rows = segment_dynamics(path, segment, limits)
                 scaling = shortest_scaling(rows, limits)
                 total += duration_of(scaling)
                 deciding[rows.binding(scaling).limit] += 1
         return total / len(steps), deciding
 
+    stops = sum(len(path.segments) for path in sharp)
     data: dict[str, Any] = {
         "steps": len(steps),
-        "corners": len(corners),
-        "rounded": int((corners > 0.0).sum()),
+        "corners": stops - 3 * len(steps),
+        "rounded": stops - sum(len(path.segments) for path in steps),
         "fronts": {},
     }
     for name, profile, given in (
-        ("fastest", "fastest", pieces), ("sharp", "fastest", pieces_of(sharp)),
-        ("quintic", "quintic", pieces),
+        ("fastest", "fastest", steps), ("sharp", "fastest", sharp), ("quintic", "quintic", steps),
     ):  # fmt: skip
         mean, deciding = seconds(Limits(profile=profile), given)
         data[name] = {"seconds_a_step": mean, "deciding": dict(deciding)}

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from many_limbs_methods import METHODS, section, walk_of
 from matplotlib.figure import Figure
 from reports import experiment, study_rows, table
 
@@ -55,8 +54,8 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
             return start, goal
 
 
-def task_results(task: int, robot: str, seconds: float, others: int) -> dict[str, Any]:
-    """Plan a task with both costs, and the first `others` tasks with the other methods."""
+def task_results(task: int, robot: str, seconds: float) -> dict[str, Any]:
+    """Plan a task with both costs."""
     graph = stance_graph(robot=robot)
     assert isinstance(graph, ImplicitGraph)
     start, goal = random_task(graph, np.random.default_rng([task, graph.limbs]))
@@ -74,8 +73,6 @@ def task_results(task: int, robot: str, seconds: float, others: int) -> dict[str
             "executed": executed(fresh, found.plan) if found.plan else None,
             "replanned": replanned(planner, found.plan, goal, cost) if found.plan else None,
         }
-    if task < others:
-        out["methods"] = {name: walk_of(robot, name, start, goal, seconds) for name in METHODS}
     return out
 
 
@@ -105,20 +102,16 @@ TASKS = (
 """Head of the table."""
 
 
-def measured(tasks: int, seconds: float, others: int, workers: int) -> dict[str, Any]:
-    """Return the results of all robots: `others` tasks are for other methods, too."""
-    given = {"robot": ROBOTS, "seconds": [seconds], "others": [others]}
+def measured(tasks: int, seconds: float, workers: int) -> dict[str, Any]:
+    """Return the results of all robots."""
+    given = {"robot": ROBOTS, "seconds": [seconds]}
     rows = study_rows("many_limbs:task_results", tasks, workers, **given)
-    names = ("distance", *COSTS, "methods")
+    names = ("distance", *COSTS)
     return {
         "workers": workers,
         "seconds": seconds,
         "tasks": {
-            robot: [
-                {name: row[name] for name in names if row.get(name) is not None}
-                for row in rows
-                if row["robot"] == robot
-            ]
+            robot: [{name: row[name] for name in names} for row in rows if row["robot"] == robot]
             for robot in ROBOTS
         },
     }
@@ -131,9 +124,6 @@ def markdown(data: dict[str, Any]) -> str:
         for robot in ROBOTS
         for cost in COSTS
     ]
-    measured = {
-        robot: [task for task in data["tasks"][robot] if "methods" in task] for robot in ROBOTS
-    }
     return f"""# Three and four limbs
 
 Made by `experiments/many_limbs.py`: the JEM, collisions checked, {data["seconds"]:g} s per task \
@@ -152,7 +142,7 @@ tasks whose plan is proved optimal, or within 1.5 times the minimum cost. *Repla
 first plan by the same planner once a point is occupied that the plan grasps half-way, median and \
 95 %.
 
-{table(TASKS, tasks)}{section(measured, data["seconds"])}"""
+{table(TASKS, tasks)}"""
 
 
 def task_row(robot: str, cost: str, found: list[dict[str, Any]]) -> list[Any]:
@@ -213,5 +203,5 @@ def curves(data: dict[str, Any], path: Path) -> None:
 if __name__ == "__main__":
     experiment(
         "many_limbs", __doc__, measured, markdown, curves,
-        tasks=20, seconds=10.0, others=20, workers=1,
+        tasks=20, seconds=10.0, workers=1,
     )  # fmt: skip

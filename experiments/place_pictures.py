@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw
 from places import INFLATION
 from reports import ROOT, command_line
 
-from mlivr_gym import Settings
+from mlivr_gym import stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.pictures.camera import FIELD_OF_VIEW, Camera
 from mlivr_gym.pictures.captions import with_caption
@@ -24,7 +24,6 @@ from mlivr_gym.pictures.figures import save_image
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
@@ -74,8 +73,8 @@ def planned(name: str) -> tuple[StanceGraph, Plan]:
         found = Planner(env.graph).plan(ALONG[0], goal, "base", goal_tolerance=env.goal_tolerance)
         return env.graph, found.unwrap()
     start, goal = PLANS[name]
-    inside = plan_in_corridor(name, start, goal, settings=Settings(), inflation=INFLATION)
-    return inside.graph, inside.result.unwrap()
+    graph = stance_graph(name)
+    return graph, Planner(graph).plan(start, goal, "steps", inflation=INFLATION).unwrap()
 
 
 def environment(name: str) -> MlivrEnv:

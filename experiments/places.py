@@ -14,14 +14,16 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from reports import CORES, experiment, study_rows, table
+from reports import CORES, ROOT, experiment, study_rows, table
 
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import MapError
+from mlivr_gym.files import read_json
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.lower_bounds import MAX_STEPS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.world.grasp_map import as_map
+from mlivr_gym.world.grasp_map import PLACES, as_map
 
 ENVIRONMENTS = {
     "jem": "MLIVR-JEM-v0", "uslab": "MLIVR-USLab-v0", "columbus": "MLIVR-Columbus-v0",
@@ -32,6 +34,16 @@ ENVIRONMENTS = {
 EXPANSIONS, INFLATION = 20_000, 1.2
 """Expansions after which a plan within a factor of the optimum is taken in place of an optimal one,
 and that factor."""
+
+SOURCES = {
+    "jem": "NASA's mesh of the JEM, measured",
+    "truss": "NASA's dimensions of S0, S1 and P1",
+    "uslab": "NASA's mesh of the US Lab, measured; handrail poses of Chunting/r2_planning (BSD)",
+    "columbus": "ESA's dimensions; racks as measured in the JEM",
+    "hatch": "as `columbus`; NASA's dimensions of Node 2",
+    "station": "as `hatch` and `jem`; NASA's dimensions of Destiny",
+}
+"""Where the figures of each map come from, in short; its file has the whole."""
 
 SWEEPS = 8
 """Searches for the diameter, each from a stance farthest from the one before."""
@@ -117,6 +129,19 @@ def markdown(data: dict[str, Any]) -> str:
         "steps of optimal plans, mean"
     )
     return table(head, rows)
+
+
+def maps() -> str:
+    """Return the table of the maps that ship."""
+    rows = []
+    for name in PLACES:
+        place = as_map(name)
+        size = " x ".join(f"{edge:.1f}" for edge in place.cabin[1] - place.cabin[0])
+        data = read_json(ROOT / "envs_assets" / f"{name}.json", "map", MapError)
+        rows.append(
+            (f"`{name}`", len(place), size, len(place.boxes), data["description"], SOURCES[name])
+        )
+    return table("name | points | where the base may be [m] | boxes | what it is | source", rows)
 
 
 if __name__ == "__main__":

@@ -145,8 +145,10 @@ def of_split(task: int, method: str, policies: str) -> dict[str, Any]:
     if not meant_for(name, world.split):
         return {"family": None}
     lax = name == NO_THRESHOLDS
-    arguments = {"manipulability": False} if lax else {"precompute": world.split != "dense"}
+    arguments = {"manipulability": False} if lax else {}
     env, walks = environment(at, **arguments), list[list[list[int]]]()
+    if not lax and world.split != "dense":
+        env.table_moves()
 
     def keep(env: MlivrEnv, states: tuple[State, ...]) -> None:
         """Keep the points and branch sets of the limbs in each state of a walk."""
@@ -175,7 +177,8 @@ def cold(task: int, method: str, policies: str) -> dict[str, Any]:
 def unreliable(task: int, method: str, policies: str) -> dict[str, Any]:
     """Evaluate a method with failing grasps: an episode of each task of the same map."""
     at = first_world("same")
-    env, tasks = environment(at, grasp_failure=GRASP_FAILURE, precompute=True), load_test_set()[at]
+    env, tasks = environment(at, grasp_failure=GRASP_FAILURE), load_test_set()[at]
+    env.table_moves()
     policy = make(method, env, policies)
     result = evaluate(env, policy, tasks.tasks, seed=1000 * task, max_steps=MOST_STEPS)
     found = record(result, range(len(tasks.tasks)))
@@ -186,7 +189,8 @@ def outcome(task: int, walk: str) -> dict[str, Any]:
     """Simulate and refine a walk of a task; return success and refined base translation [m]."""
     number, rows = json.loads(walk)
     at = first_world("same")
-    env = environment(at, precompute=True)
+    env = environment(at)
+    env.table_moves()
     limbs = env.graph.limbs
     states = [State(tuple(row[:limbs]), tuple(row[limbs:])) for row in rows]
     goal = np.array(load_test_set()[at].tasks[number].goal)

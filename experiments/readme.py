@@ -20,21 +20,14 @@ from typing import Any
 
 import benchmark_env
 import benchmark_planning
-import cargo
 import closed_loop
 import comparison_report
 import disturbances
 import dynamic_report
 import format_tables
-import limb_starts
-import numeric_solutions
 import places
-import point_clouds
-import public_arms
 import robots
 import simulation_figures
-import ssik_arms
-import station_places
 from reports import NOTHING, ROOT, command_line, table
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
@@ -203,13 +196,7 @@ def parts(results: Path) -> dict[str, str]:
         "benchmark_planning": benchmark_planning.targets(data("benchmark_planning")),
         "planner_vs_rl": comparison_report.readme_table(data("planner_vs_rl")),
         "robots": robots.markdown(data("robots")),
-        "cargo": cargo.masses(data("cargo")),
-        "point_clouds": point_clouds.markdown(data("point_clouds")),
-        "public_arms": public_arms.markdown(data("public_arms")),
-        "ssik_arms": ssik_arms.markdown(data("ssik_arms")),
-        "numeric_solutions": numeric_solutions.markdown(data("numeric_solutions")),
-        "limb_starts": limb_starts.markdown(data("limb_starts")),
-        "places": station_places.places(),
+        "places": places.maps(),
         "place_sizes": places.markdown(data("places")),
         **format_tables.tables(),
     }

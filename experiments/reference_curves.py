@@ -48,8 +48,9 @@ Measure = dict[str, Any]
 
 def make_env() -> MlivrEnv:
     """Return the environment of the benchmark with all steps of its map computed."""
-    env = gymnasium.make("MLIVR-JEM-Far-v0", disable_env_checker=True, precompute=True).unwrapped
+    env = gymnasium.make("MLIVR-JEM-Far-v0", disable_env_checker=True).unwrapped
     assert isinstance(env, MlivrEnv)
+    env.table_moves()
     return env
 
 

@@ -81,18 +81,6 @@ def keep(out: Path, name: str, data: Any, indent: int | None = 1) -> None:
     write_whole(out / f"{name}.json", json.dumps(data, indent=indent) + "\n")
 
 
-def plain(values: Any) -> list[float]:
-    """Return numbers as the files of maps have them."""
-    return (np.round(np.asarray(values, dtype=float), 6) + 0.0).tolist()
-
-
-def write_assets(files: dict[str, Callable[[], dict[str, Any]]]) -> None:
-    """Write the files that ship of maps and robots, by name and by what makes them."""
-    for name, make in files.items():
-        text = json.dumps(make(), indent=1) + "\n"
-        write_whole(ROOT / "envs_assets" / f"{name}.json", text)
-
-
 finished_studies: list[Path] | None = None
 """Folders of the studies that an experiment has finished, for it may yet be interrupted; None
 outside of one."""

@@ -28,7 +28,6 @@ from reports import NOTHING, ROOT, experiment, table
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 
 QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps"
-ACROSS = "--start columbus1/D1a:2 columbus1/F1a:0 --goal 32.5 -5.0 0.2 --cost steps"
 POSE = "2.03 -0.046 -0.324 0.5964 0.0785 0.1043 0.7920"
 
 GRAPH = """
@@ -74,7 +73,6 @@ PATHS = {
     "other thresholds": "mlivr-gym plan --limb-threshold 0.12",
     "own start pose": f"mlivr-gym plan --start D1b:4 D2a:3 --start-pose {POSE}",
     "refined": "mlivr-gym plan --refined",
-    "station": f"mlivr-gym plan --map station --corridor {ACROSS}",
     "simulate": "mlivr-gym simulate --case 3 --no-film",
     "Table I": "mlivr-gym table1",
     "picture": "mlivr-gym render --start D2a:4 D2b:4 --out start.png",

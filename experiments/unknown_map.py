@@ -2,43 +2,25 @@
 
     python experiments/unknown_map.py [--tasks 500] [--workers 2] [--out results]
 
-Each fixed task has a layout of its own. First train the policy (`unknown_map_policy.py`). Writes
-`unknown_map.json` and `unknown_map.md`; takes half an hour on two cores.
+Each fixed task has a layout of its own. Writes `unknown_map.json` and `unknown_map.md`; takes half
+an hour on two cores.
 """
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
-from reports import CORES, NOTHING, ROOT, experiment, study_rows, table, with_interval
+from reports import CORES, NOTHING, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import ExpertPolicy, LookingPolicy, RandomPolicy
+from mlivr_gym.agents import LookingPolicy, RandomPolicy
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.learned import LearnedPolicy, load_policy
 from mlivr_gym.agents.policies import Policy
 from mlivr_gym.agents.policy_names import policy_by_name
-from mlivr_gym.arrays import Array
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.unknown_map import UnknownMapEnv
-
-TRAINED = ROOT / "runs" / "unknown_map"
-"""Path of the trained policy, without suffix."""
-
-COMPARED = "expected", "corrected"
-"""Two policies whose costs are compared task by task."""
-
-SHARPNESS = 4.0
-"""Decrease of the score of an action for each unit of its expected cost."""
-
-MOST_REGRET = 8.0
-"""Largest difference of costs that counts, in the unit of the reward."""
 
 MOST_ACTIONS = 60
 """Actions after which an episode counts as failed."""
@@ -48,8 +30,6 @@ POLICIES = {
     "expected": "the first step of least expected cost, if grasps of unknown points fail with the \
 prior probability, each time anew",
     "pretrained": "the pointer policy that ships, which was trained with known layouts",
-    "corrected": "the score of least expected cost and a correction, which a network has learned \
-from an expert that knows the layout",
     "greedy": "the step whose base is closest to the goal, to a stance not held before",
     "random": "any valid step",
 }
@@ -57,37 +37,6 @@ from an expert that knows the layout",
 
 VARIANTS = {True: list(POLICIES), False: ["optimistic", "expected"]}
 """Those that are measured with and without looks."""
-
-
-def above_least(costs: Array) -> Array:
-    """Return costs above the least one, at most `MOST_REGRET`; 0 if all are infinite."""
-    least = costs.min()
-    return np.minimum(costs - least, MOST_REGRET) if np.isfinite(least) else np.zeros(len(costs))
-
-
-def scores(logits: Any, planned: Any) -> Any:
-    """Return the scores of actions from logits and expected costs above the least, shape (N m,)."""
-    return logits - SHARPNESS * planned
-
-
-class CorrectedPolicy(LearnedPolicy):
-    """Learned policy whose logits are scores.
-
-    Attributes
-    ----------
-    expert
-        The policy whose expected costs are corrected.
-    """
-
-    def __init__(self, actor_critic: Any) -> None:
-        """Take the actor-critic that has the network."""
-        super().__init__(actor_critic, "pointer")
-        self.expert = ExpertPolicy()
-
-    def logits(self, env: MlivrEnv, observation: Observation) -> NDArray[np.float32]:
-        """Return the score of each action in the present state, shape (N m,)."""
-        planned = above_least(self.expert.costs(env)).astype(np.float32)
-        return scores(super().logits(env, observation), planned)
 
 
 @cache
@@ -101,8 +50,6 @@ def made_env() -> UnknownMapEnv:
 @cache
 def steps_by(name: str) -> Policy:
     """Return what chooses the steps, by name, one for each process."""
-    if name == "corrected":
-        return CorrectedPolicy(load_policy(TRAINED, made_env()).actor_critic)
     names = {"optimistic": "astar", "expected": "expert", "greedy": "local"}
     return policy_by_name(names.get(name, name), made_env())
 
@@ -126,7 +73,7 @@ def episode(task: int, policy: str, look: bool) -> dict[str, Any]:
 
 def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return the results of each policy, and of those that plan also without looks."""
-    rows, found, costs = [], [], dict[str, list[float]]()
+    rows, found = [], []
     for look, names in VARIANTS.items():
         some = study_rows("unknown_map:episode", tasks, workers, policy=names, look=[look])
         rows += some
@@ -135,8 +82,6 @@ def measured(tasks: int, workers: int) -> dict[str, Any]:
             success = np.array([row["success"] for row in of_policy], dtype=float)
             # An episode that fails is charged as one of the most actions.
             cost = [row["cost"] if row["success"] else MOST_ACTIONS for row in of_policy]
-            if look:
-                costs[name] = cost
             found.append({
                 "policy": name, "look": look, "success": float(success.mean()),
                 "success_interval": bootstrap(success), "cost": float(np.mean(cost)),
@@ -144,15 +89,12 @@ def measured(tasks: int, workers: int) -> dict[str, Any]:
                 **means([row for row in of_policy if row["success"]]),
             })  # fmt: skip
     fewest = {row["fewest"] for row in rows}
-    before, after = (np.array(costs[name]) for name in COMPARED)
     return {
         "tasks": tasks,
         "fewest": [min(fewest), max(fewest)],
         "fewest_mean": float(np.mean([row["fewest"] for row in rows])),
         "policies": found,
-        "change": float((after - before).mean()), "change_interval": bootstrap(after - before),
-        "training": json.loads(TRAINED.with_suffix(".json").read_text())["training"],
-    }  # fmt: skip
+    }
 
 
 def means(rows: list[dict[str, Any]]) -> dict[str, float | None]:
@@ -178,8 +120,6 @@ def markdown(data: dict[str, Any]) -> str:
     )
     named = "\n".join(f"* **{name}**: {what}." for name, what in POLICIES.items())
     low, high = data["fewest"]
-    least, most = data["change_interval"]
-    training = data["training"]
     return f"""# Baselines on `MLIVR-JEM-Unknown-v0`
 
 Fixed tasks 0 to {data["tasks"] - 1}, each with a layout of its own. An attempt to grasp costs 1,
@@ -192,10 +132,6 @@ successful episodes. The steps are chosen thus:
 {named}
 
 {table(head, rows)}
-`unknown_map_policy.py` trained the correction on {training["states"]:,} states of two rounds, \
-with {training["updates"]:,} gradient steps in each.
-On the same tasks it changes the cost of *expected, looks* by {data["change"]:.2f} \
-[{least:.2f}, {most:.2f}] on average.
 `experiments/unknown_map.py` makes this page.
 """
 

@@ -17,9 +17,11 @@ from typing import NamedTuple
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.commitment import Committed, commitments
+from mlivr_gym.motion.commitment import commitments, edges_along
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import Regrasp, RegraspPath, planned_regrasp
+from mlivr_gym.motion.plan_parts import Step
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
@@ -29,7 +31,6 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import Reaction, reaction_of
 from mlivr_gym.simulation.timing import TIMING, timed_path
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.edge import Edge
 
 COSTS = (
     ("base", None), *(("weighted", price) for price in (0.01, 0.03, 0.1, 0.3, 1.0, 10.0)),
@@ -64,7 +65,7 @@ def step_reactions(
     The graph is that of the plan's robot and map; the timing is by default `Limits()`. Raises a
     `TimingError` if durations violate a limit.
     """
-    paths = (RegraspPath(graph, planned_regrasp(graph, plan, k)) for k in range(len(plan.steps)))
+    paths = (plan.joint_path(k) for k in range(len(plan.steps)))
     return [reaction_of(timed_path(path, timing)) for path in paths]
 
 
@@ -86,35 +87,35 @@ def with_least_reaction(
     """
     step_reactions(graph, plan, timing)  # refuses durations that violate a limit
 
-    def impulse(regrasp: Regrasp) -> float:
+    def impulse(path: JointPath) -> float:
         try:
-            return reaction_of(timed_path(RegraspPath(graph, regrasp), timing)).impulse
+            return reaction_of(timed_path(path, timing)).impulse
         except TimingError:
             return inf
 
     def total(plan: Plan) -> float:
-        return sum(impulse(planned_regrasp(graph, plan, k)) for k in range(len(plan.steps)))
+        return sum(impulse(plan.joint_path(k)) for k in range(len(plan.steps)))
 
     both = plan, varied(graph, plan, impulse)
     return min((_with_best_swings(graph, one, impulse) for one in both), key=total)
 
 
-def _with_best_swings(graph: StanceGraph, plan: Plan, impulse: Callable[[Regrasp], float]) -> Plan:
+def _with_best_swings(
+    graph: StanceGraph, plan: Plan, impulse: Callable[[JointPath], float]
+) -> Plan:
     """Return a plan with the swing of least total impulse for each step, see above.
 
     Stances, base poses and branches stay, so that the choice is independent for each step.
     """
-    steps = list(plan.steps)
-    for index, step in enumerate(steps):
-        regrasp = planned_regrasp(graph, plan, index)
-        edge = Edge(regrasp.path_kind, fold=-1, line_branches=-1, kept={})
-        swings = [Committed(regrasp, step.swing), *commitments(graph, regrasp, edge)]
-        best = min(swings, key=lambda one: impulse(one.regrasp))
-        steps[index] = replace(
-            step, swing=best.swing, knots=tuple(map(tuple, best.regrasp.knots.tolist())),
-            rounded=tuple(map(tuple, best.regrasp.rounded.tolist())),
-        )  # fmt: skip
-    return replace(plan, motion=replace(plan.motion, steps=tuple(steps)))
+    motion, steps = plan.motion, list[Step]()
+    for k, (step, edge) in enumerate(zip(plan.steps, edges_along(graph, motion), strict=True)):
+        best, least = step, impulse(plan.joint_path(k))
+        edge = edge._replace(fold=-1, line_branches=-1)
+        for path, swing in commitments(graph, StepEnds.of(graph, motion, k), edge):
+            if path is not None and impulse(path) < least:
+                best, least = step.along(path, swing), impulse(path)
+        steps.append(best)
+    return replace(plan, motion=replace(motion, steps=tuple(steps)))
 
 
 @checked({

@@ -95,7 +95,6 @@ class Planner(OnGraph):
         limit: int = EXPANSIONS,
         time_limit: float | None = None,
         effort: int | None = None,
-        route: Sequence[Sequence[float] | Array] | None = None,
         progress: Callable[[int], None] | None = None,
         failed_joints: Sequence[FailedJoint] = (),
     ) -> PlanningResult:
@@ -152,11 +151,6 @@ class Planner(OnGraph):
         effort
             The same as a count that is no faster on another machine: maximum number of expansions,
             where each check of an edge or a node counts as several, see `PathSearch.effort`.
-        route
-            Places on the way to the goal, shape (k, 3) [m]: the plan is sought in legs of some
-            metres along the straight lines from the start over these places to the goal. So more
-            than two limbs find plans round corners and over long ways. Nothing is proved; `effort`
-            is that of each leg. None for a search at once.
         progress
             Called from time to time with the number of expansions, by `"algorithm1"` and by
             searches that use no node table, see `searches`.
@@ -185,14 +179,14 @@ class Planner(OnGraph):
                 given[0], goal, cost, regrasp_price=regrasp_price, method=method,
                 heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
                 goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                time_limit=time_limit, effort=effort, route=route, progress=progress,
+                time_limit=time_limit, effort=effort, progress=progress,
             )  # fmt: skip
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )
         search = SearchQuery.from_options(
             self.graph, target, method=method, heuristic=heuristic, inflation=inflation,
-            limit=limit, progress=progress, time_limit=time_limit, effort=effort, route=route,
+            limit=limit, progress=progress, time_limit=time_limit, effort=effort,
         )  # fmt: skip
         timer = Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)

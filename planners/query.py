@@ -20,7 +20,7 @@ from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.planners.failed_joints import FAILED_JOINTS
-from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, ListOf, OrNone, Tuples
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -63,7 +63,6 @@ QUERY: Validators = {
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
     "effort": OrNone(Integer(1, MAX_EXPANSIONS)),
-    "route": OrNone(ListOf(GOAL)),
     "seed": SEED,
     "failed_joints": FAILED_JOINTS,
 }
@@ -153,9 +152,6 @@ class SearchQuery:
     better ones later, until one is proved within `inflation` or the time is over, see
     `implicit_search`. Over a node table every search of an optimal plan is one, see
     `search_stages`."""
-    route: Sequence[Sequence[float] | Array] | None = None
-    """Places on the way to the goal [m], along which the search goes in legs; None for a search at
-    once."""
     start_time: float = 0.0
     """Time at which the query was made, on the clock of `time.perf_counter` [s]."""
     clock: Clock = UNLIMITED
@@ -174,7 +170,6 @@ class SearchQuery:
         progress: Callable[[int], None] | None = None,
         time_limit: float | None = None,
         effort: int | None = None,
-        route: Sequence[Sequence[float] | Array] | None = None,
     ) -> SearchQuery:
         """Return a query from the options of a user, those of `Planner.plan`.
 
@@ -206,10 +201,6 @@ class SearchQuery:
         limit, seconds = min(limit, sys.maxsize), math.inf if time_limit is None else time_limit
         is_limited = time_limit is not None or effort is not None
         optimal = two_limbs or is_algorithm1 or method == "dijkstra" or is_limited
-        if route is not None:
-            if inflation is not None:
-                raise SettingError(f"inflation is {inflation!r}; a plan along a route has no bound")
-            inflation = math.inf
         if inflation is None:
             inflation = 1.0 if optimal else math.inf
         anytime = (
@@ -221,7 +212,7 @@ class SearchQuery:
         effort = sys.maxsize if effort is None else min(effort, sys.maxsize)
         start_time = time.perf_counter()
         return cls(
-            goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime, route,
+            goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime,
             start_time, Clock(start_time + seconds),
         )  # fmt: skip
 

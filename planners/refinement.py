@@ -19,7 +19,7 @@ import heapq
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import count, pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -27,9 +27,9 @@ import scipy
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_parts import Motion, World
-from mlivr_gym.motion.regrasp import Regrasp, regrasp_of
+from mlivr_gym.motion.plan_parts import Motion, Step, World
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -87,7 +87,7 @@ def refined(graph: StanceGraph, plan: Plan, seed: int = 0) -> Plan:
 
 
 def varied(
-    graph: StanceGraph, plan: Plan, step_cost: Callable[[Regrasp], float], seed: int = 0
+    graph: StanceGraph, plan: Plan, step_cost: Callable[[JointPath], float], seed: int = 0
 ) -> Plan:
     """Return a plan with the same footholds and no larger sum of the costs of its steps.
 
@@ -95,15 +95,14 @@ def varied(
     uses the preferred swing of each step.
     """
     footholds, cache = _Footholds(graph, plan), CommittedSteps(graph)
-    known: dict[tuple[Any, ...], float] = {}
+    known: dict[tuple[int, Step], float] = {}
 
     def cost_of(motion: Motion) -> float:
         total = 0.0
         for k, step in enumerate(motion.steps):
-            key = k, step, motion.joint_positions[k : k + 2].tobytes()
-            if key not in known:
-                known[key] = step_cost(regrasp_of(graph, motion, k))
-            total += known[key]
+            if (k, step) not in known:
+                known[k, step] = step_cost(motion.joint_path(graph.robot, k))
+            total += known[k, step]
         return total
 
     postures = footholds.given_postures()

@@ -19,7 +19,6 @@ from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.implicit_search import ImplicitSearch
-from mlivr_gym.planners.legs import search_by_legs
 from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import (
@@ -132,8 +131,6 @@ class GraphSearcher:
     def _find(self, search: SearchQuery, start: State) -> SearchResult | None:
         """Search as `find` does; raise `OutOfTime` if the time is over before a search begins."""
         graph = self.graph
-        if search.route is not None:
-            return search_by_legs(graph, search, start, self.find)
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
         if isinstance(graph, ImplicitGraph):

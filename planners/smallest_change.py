@@ -1,38 +1,39 @@
-"""The smallest changes with which a goal can be reached, of several kinds, compared.
+"""The smallest changes with which a goal can be reached, of two kinds, compared.
 
-A change takes obstacles or occupied points away, lowers the threshold of w_m, adds points on rails,
-or gives the robot one limb more. Changes are compared by the number of things that change. Each has
-been verified: a plan exists in the changed world.
+A change takes obstacles or occupied points away, or lowers the threshold of w_m. Changes are
+compared by the number of things that change. Each has been verified: a plan exists in the changed
+world.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.planners.additions import (
-    one_more_limb,
-    places_on_rails,
-    points_to_add,
-    with_candidates,
-)
+from mlivr_gym.errors import SettingError
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.query import GOAL_TOLERANCE, MAX_EXPANSIONS, QUERY, Goal
-from mlivr_gym.planners.why_not import is_plan_found, lower_threshold, removals
-from mlivr_gym.schema import OrNone
+from mlivr_gym.planners.why_not import is_plan_found
 from mlivr_gym.stances.build import in_same_world, stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.grasp_map import MAP, GraspMap
 
-OBSTACLES, THRESHOLD, POINTS, LIMB = KINDS = ("obstacles", "limb_threshold", "points", "limb")
+OBSTACLES, THRESHOLD = KINDS = ("obstacles", "limb_threshold")
 """Kinds of changes; of two of equal size, that of the earlier kind comes first."""
+
+THRESHOLD_RESOLUTION = 0.002
+"""Resolution of the threshold of w_m with which a plan exists."""
+
+MOST_CONFLICTS = 60
+"""Maximum number of conflicts by which the fewest obstacles in the way are sought."""
+
+T = TypeVar("T")
 
 
 class Change(NamedTuple):
@@ -41,14 +42,11 @@ class Change(NamedTuple):
     kind: str
     """One of `KINDS`."""
     parts: tuple[str, ...]
-    """What changes: the ids of obstacles and occupied points that go, the threshold of w_m, the ids
-    of the points that are added, or the name of the robot with one limb more."""
+    """What changes: the ids of obstacles and occupied points that go, or the threshold of w_m."""
     is_smallest: bool
     """Whether it is proved that no fewer parts of this kind, or no higher threshold, suffice."""
-    steps: int | None = None
-    """Fewest steps of a plan in the changed world; None for a robot with one limb more."""
-    alternatives: tuple[str, ...] = ()
-    """Ids of all points of which each one suffices, too, if one point is added."""
+    steps: int
+    """Fewest steps of a plan in the changed world."""
 
     @property
     def size(self) -> int:
@@ -59,94 +57,144 @@ class Change(NamedTuple):
     def message(self) -> str:
         """Return the change in words, after which a plan exists."""
         named = ", ".join(self.parts)
-        others = len(self.alternatives) - 1
-        return {
-            OBSTACLES: f"without {named}",
-            THRESHOLD: f"with limb_threshold={named}",
-            POINTS: f"with {named} added" + (f" (or one of {others} others)" if others > 0 else ""),
-            LIMB: f"with robot {named}",
-        }[self.kind]
+        return f"without {named}" if self.kind == OBSTACLES else f"with limb_threshold={named}"
 
 
-@checked({**QUERY, "candidates": OrNone(MAP)})
+@checked(QUERY)
 def smallest_changes(
     graph: StanceGraph,
     start: Sequence[str | int] | State,
     goal: Sequence[float] | Array,
-    candidates: GraspMap | None = None,
     *,
     goal_tolerance: float = GOAL_TOLERANCE,
     goal_face: str | None = None,
-    limit: int = 2000,
-    progress: Callable[[int], None] | None = None,
 ) -> tuple[Change, ...]:
     """Return the smallest change of each kind with which a goal can be reached, the smallest first.
 
-    With more than two limbs, only a robot with one limb more is tried.
-
-    Start and goal are those of `Planner.plan`, for which no plan exists; the candidates are by
-    default the `places_on_rails` of the map. With one limb more, at most `limit` states are
-    expanded; `progress` is called with the number of candidates tried alone. The result has at most
-    one change of each of `KINDS`, none if none of them alone is enough. Raises an `MlivrError` if
-    an argument cannot be used, or the start cannot be held.
+    Start and goal are those of `Planner.plan`, for which no plan exists. The result has at most one
+    change of each of `KINDS`, none if none of them alone is enough. Raises an `MlivrError` if an
+    argument cannot be used, the start cannot be held, or the robot has more than two limbs.
     """
+    if not isinstance(graph, TwoLimbGraph):
+        raise SettingError(f"smallest changes need two limbs; robot {graph.robot.name!r} has more")
     state = graph.validated_state(start) if isinstance(start, State) else graph.state(start)
     target = Goal.from_arguments(graph, goal, "steps", None, goal_tolerance, goal_face)
     region: dict[str, Any] = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
     found = []
-    if isinstance(graph, TwoLimbGraph):
-        for change, world in (
-            *_fewer_obstacles(graph, state, target),
-            *_lower_threshold(graph, state, target),
-            *_more_points(graph, state, target, candidates, progress),
-        ):
-            here = world.state(world.indices(graph.ids(state.stance)), state.pose)
-            plan = Planner(world).plan(here, goal, "steps", **region).unwrap()
-            found.append(change._replace(steps=len(plan.steps)))
-    more = one_more_limb(graph, state, goal, limit=limit, **region)
-    if more is not None and more.has_plan:
-        found.append(Change(LIMB, (more.robot,), True))
+    for kind, parts, is_smallest, world in (
+        *_fewer_obstacles(graph, state, target),
+        *_lower_threshold(graph, state, target),
+    ):
+        here = world.state(world.indices(graph.ids(state.stance)), state.pose)
+        plan = Planner(world).plan(here, goal, "steps", **region).unwrap()
+        found.append(Change(kind, parts, is_smallest, len(plan.steps)))
     return tuple(sorted(found, key=lambda change: (change.size, KINDS.index(change.kind))))
 
 
-Changed = Iterator[tuple[Change, StanceGraph]]
-"""A change and the graph of the changed world, or none."""
+Changed = Iterator[tuple[str, tuple[str, ...], bool, StanceGraph]]
+"""Kind and parts of a change, whether it is the smallest, and the changed world; or none."""
 
 
 def _fewer_obstacles(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
-    """Yield the fewest obstacles and occupied points without which a plan exists."""
-    if graph.obstacles or graph.occupied:
-        free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
-        if is_plan_found(free, start, goal, MAX_EXPANSIONS):
-            ids, is_smallest, world = removals(graph, start, goal, MAX_EXPANSIONS)
-            yield Change(OBSTACLES, ids, is_smallest), world
+    """Yield the fewest obstacles and occupied points without which a plan exists.
+
+    The problem is known as minimum constraint removal (Hauser, The International Journal of
+    Robotics Research 33, 2014).
+    """
+    free = stance_graph(graph.grasp_map, graph.robot, graph.settings)
+    boxes = {box.id: box for box in graph.obstacles}
+    points = dict(zip(graph.ids(sorted(graph.occupied)), sorted(graph.occupied), strict=True))
+
+    def suffices(removed: list[str]) -> bool:
+        """Return whether a plan exists without some obstacles and occupied points."""
+        free.remove_obstacles()
+        free.vacate()
+        free.add_obstacles([box for name, box in boxes.items() if name not in removed])
+        free.occupy([point for name, point in points.items() if name not in removed])
+        return is_plan_found(free, start, goal, MAX_EXPANSIONS)
+
+    every = [*boxes, *points]
+    if every and suffices(every):
+        found, is_smallest = minimum_subset(every, suffices)
+        suffices(found)
+        yield OBSTACLES, tuple(found), is_smallest, free
 
 
 def _lower_threshold(graph: TwoLimbGraph, start: State, goal: Goal) -> Changed:
-    """Yield the highest threshold of w_m with which a plan exists."""
-    if graph.settings.manipulability:
-        value = lower_threshold(graph, start, goal, MAX_EXPANSIONS)
-        if value is not None:
-            settings = replace(graph.settings, limb_threshold=value)
-            world = in_same_world(graph, settings=settings)
-            yield Change(THRESHOLD, (f"{value:g}",), True), world
+    """Yield the highest threshold of w_m with which a plan exists, by bisection."""
 
+    def world(count: int) -> StanceGraph:
+        """Return the world with a threshold of some units."""
+        settings = replace(graph.settings, limb_threshold=round(count * THRESHOLD_RESOLUTION, 9))
+        return in_same_world(graph, settings=settings)
 
-def _more_points(
-    graph: TwoLimbGraph,
-    start: State,
-    goal: Goal,
-    candidates: GraspMap | None,
-    progress: Callable[[int], None] | None,
-) -> Changed:
-    """Yield the fewest points to be added with which a plan exists."""
-    places = places_on_rails(graph.grasp_map) if candidates is None else candidates
-    if places is None:
+    def has_plan(count: int) -> bool:
+        return is_plan_found(world(count), start, goal, MAX_EXPANSIONS)
+
+    if not graph.settings.manipulability or not has_plan(0):
         return
-    region: dict[str, Any] = {"goal_tolerance": goal.tolerance, "goal_face": goal.face}
-    found = points_to_add(graph, start, goal.target, places, progress=progress, **region)
-    if found.points:
-        chosen = places.subset(np.isin(places.ids, found.points))
-        whole = with_candidates(graph.grasp_map, chosen)
-        change = Change(POINTS, found.points, found.is_smallest, alternatives=found.alone)
-        yield change, in_same_world(graph, grasp_map=whole)
+    low, high = 0, int(np.ceil(graph.settings.limb_threshold / THRESHOLD_RESOLUTION))
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if has_plan(middle) else (low, middle)
+    yield THRESHOLD, (f"{round(low * THRESHOLD_RESOLUTION, 9):g}",), True, world(low)
+
+
+def minimum_subset(
+    entries: list[T], suffices: Callable[[list[T]], bool], most: int = MOST_CONFLICTS
+) -> tuple[list[T], bool]:
+    """Return the fewest entries that suffice together, and whether it is proved that they are.
+
+    Each set that does not suffice shows a conflict: entries of which at least one is needed. The
+    fewest entries that meet all conflicts so far are tried next (implicit hitting sets:
+    Moreno-Centeno and Karp, Operations Research 61, 2013).
+
+    All entries suffice together, and so do any that contain some that `suffices`. Beyond `most`
+    conflicts the entries are those of `smallest_subset`.
+    """
+    enough, conflicts = smallest_subset(entries, suffices), list[list[T]]()
+    for size in range(len(enough)):
+        while (tried := _hitting(conflicts, size)) is not None:
+            if suffices(tried):
+                return [one for one in entries if one in tried], True
+            if len(conflicts) == most:
+                return enough, False
+            rest = [one for one in entries if one not in tried]
+            conflicts.append(
+                smallest_subset(
+                    rest, lambda kept: not suffices([one for one in entries if one not in kept])
+                )
+            )
+    return enough, True
+
+
+def _hitting(conflicts: list[list[T]], size: int) -> list[T] | None:
+    """Return at most `size` entries, one of each conflict at least; None if there are none."""
+    if not conflicts or not size:
+        return None if conflicts else []
+    for one in min(conflicts, key=len):
+        others = _hitting([entries for entries in conflicts if one not in entries], size - 1)
+        if others is not None:
+            return [one, *others]
+    return None
+
+
+def smallest_subset(entries: list[T], suffices: Callable[[list[T]], bool]) -> list[T]:
+    """Return entries that suffice together, of which none can be spared.
+
+    The algorithm is QuickXplain (Junker 2004), with about `2 k log2(n / k)` tests for k of n
+    entries. Earlier entries are preferred to later ones.
+
+    All entries suffice together, and so do any that contain some that `suffices`.
+    """
+
+    def needed(given: list[T], is_changed: bool, others: list[T]) -> list[T]:
+        if is_changed and suffices(given):
+            return []
+        if len(others) == 1:
+            return others
+        first, second = others[: len(others) // 2], others[len(others) // 2 :]
+        late = needed(given + first, True, second)
+        return needed(given + late, bool(late), first) + late
+
+    return needed([], True, entries) if entries else []

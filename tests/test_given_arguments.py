@@ -81,9 +81,8 @@ NO_ANSWER = {"CargoMission.execute", "plan_cargo_mission"}
 
 TAKES_LONG = {
     ("MlivrEnv", "map"), ("ClosedLoopEnv", "map"), ("UnknownMapEnv", "map"),
-    ("MlivrVectorEnv", "env"), ("stance_graph", "grasp_map"), ("plan_in_corridor", "grasp_map"),
+    ("MlivrVectorEnv", "env"), ("stance_graph", "grasp_map"),
     ("train", "env"), ("train", "hyperparameters"), ("write_dataset", "env_arguments"),
-    ("points_to_add", "candidates"), ("smallest_changes", "candidates"),
 }  # fmt: skip
 """Arguments that stand for much, such as the whole module, where they are None."""
 

@@ -24,11 +24,6 @@ EXAMPLES = {
     "info": (
         "mlivr-gym info",
         "mlivr-gym info --map my_map.json --robot my_robot.json --json",
-        "mlivr-gym info --map columbus --critical",
-    ),
-    "reach": (
-        "mlivr-gym reach --start D2a:4 D2b:4 --picture reach.png",
-        "mlivr-gym reach --map columbus --start D1a:2 F1a:0 --most-steps 1",
     ),
     "render": (
         "mlivr-gym render --start D2a:4 D2b:4 --out start.png",
@@ -60,10 +55,6 @@ EXAMPLES = {
     ),
     "cache": ("mlivr-gym cache", "mlivr-gym cache --limit 2GB", "mlivr-gym cache --clear"),
     "doctor": ("mlivr-gym doctor", "mlivr-gym doctor --json"),
-    "completion": (
-        'eval "$(mlivr-gym completion bash)"     # in ~/.bashrc',
-        'eval "$(mlivr-gym completion zsh)"      # in ~/.zshrc, after compinit',
-    ),
 }
 """Example command lines of each command."""
 

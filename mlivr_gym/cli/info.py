@@ -9,11 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.cli.arguments import chosen_graph, obstacle_options, option, world_options
-from mlivr_gym.cli.progress import PER_CENT, Progress
-from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.critical import Loss, point_losses, rail_losses
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.cli.arguments import chosen_graph, obstacle_options, world_options
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -24,8 +21,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
     world_options(parser)
     obstacle_options(parser)
-    text = "list the points and rails whose loss cuts stances off from the others (two limbs)"
-    option(parser, "--critical", text)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -36,35 +31,11 @@ def run(args: argparse.Namespace) -> None:
     graph = chosen_graph(args)
     with Progress("counting stances and steps", quiet=args.quiet):
         summary = summary_of(graph)
-    critical = critical_parts(graph, args.quiet) if args.critical else {}
-    args.result |= summary | critical
+    args.result |= summary
     for part, entries in summary.items():
         print(f"{part.replace('_', ' ')}:")
         for name, value in entries.items():
             print(f"  {_label(name)}: {_text(value)}")
-    for part, losses in critical.items():
-        print(f"{part.replace('_', ' ')}: {'' if losses else 'none'}")
-        for loss in losses:
-            print(f"  {loss['id']}: {loss['stances']} stances hold it, {loss['cut_off']} cut off")
-
-
-def critical_parts(
-    graph: TwoLimbGraph | ImplicitGraph, quiet: bool
-) -> dict[str, list[dict[str, Any]]]:
-    """Return the points and the rails whose loss cuts stances off, the worst first."""
-    if not isinstance(graph, TwoLimbGraph):
-        raise SettingError(
-            f"--critical needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
-        )
-    found: dict[str, tuple[Loss, ...]] = {}
-    for name, losses in (("critical_points", point_losses), ("critical_rails", rail_losses)):
-        label = f"looking for {name.replace('_', ' ')} [%]"
-        with Progress(label, PER_CENT, quiet=quiet) as progress:
-            found[name] = losses(graph, progress.show_share)
-    return {
-        name: [loss._asdict() for loss in losses if loss.is_critical]
-        for name, losses in found.items()
-    }
 
 
 def _label(name: str) -> str:

@@ -37,7 +37,6 @@ COMMANDS = {
     "carry": "pick a bag up, carry it with one limb and stow it, in MuJoCo",
     "table1": "reproduce the four cases of the paper's Table I",
     "info": "describe a map, a robot and their stance graph",
-    "reach": "count after how many steps each point can be grasped",
     "render": "draw the robot in a stance, or a plan",
     "view": "show a plan in the browser and change it there",
     "train": "train a policy",
@@ -48,7 +47,6 @@ COMMANDS = {
     "build": "compute the complete table of a robot on a map",
     "cache": "list or remove the tables and machine code stored between runs",
     "doctor": "check this installation: versions, extras, rendering, compiled code",
-    "completion": "print a script for completion in bash or zsh",
 }
 """Help line of each command, in the order of the help; the module of that name implements it."""
 
@@ -77,7 +75,6 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    named = COMMANDS if "completion" in given else {*given}
     for name, summary in COMMANDS.items():
         added = commands.add_parser(
             name,
@@ -86,7 +83,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         added.set_defaults(default=added.get_default, commands=commands.choices)
-        if name in named:
+        if name in given:
             from mlivr_gym.cli.arguments import output_options
 
             module = import_module(f"mlivr_gym.cli.{name}")

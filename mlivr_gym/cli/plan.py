@@ -11,8 +11,6 @@ from mlivr_gym.cli.arguments import (
     COMPARED_COSTS,
     chosen_graph,
     chosen_map,
-    chosen_obstacles,
-    chosen_settings,
     chosen_task,
     obstacle_options,
     option,
@@ -23,11 +21,9 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
-from mlivr_gym.cli.robots import chosen_robot
 from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
-from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.smallest_change import smallest_changes
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -48,11 +44,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
     text = "shorten the base path afterwards by other base poses on the same footholds"
     option(parser, "--refined", text)
-    text = "if there is no plan, say what would help: fewer obstacles, a lower threshold of w_m, "
-    text += "points added on rails, or one limb more"
+    text = "if there is no plan, say what would help: fewer obstacles or a lower threshold of w_m "
+    text += "(two limbs)"
     option(parser, "--suggest", text)
-    text = "compute only the stances near a route to the goal, and those of the whole map only if "
-    option(parser, "--corridor", f"{text}there is no plan; needs --start and --goal")
 
 
 def run(args: argparse.Namespace) -> None:
@@ -67,12 +61,12 @@ def run(args: argparse.Namespace) -> None:
         refuse_without_effect(
             args, "with --cost reaction, which has base poses of its own", "refined"
         )
-    graph: StanceGraph
-    if args.corridor:
-        graph, result = find_plan_in_corridor(args)
-    else:
-        graph = whole = chosen_graph(args)
-        result = find_plan(whole, args)
+    graph = chosen_graph(args)
+    if args.suggest and graph.limbs > 2:
+        raise SettingError(
+            f"--suggest needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
+        )
+    result = find_plan(graph, args)
     plan = result.unwrap()
     if args.refined:
         with Progress("refining the plan", quiet=args.quiet):
@@ -92,7 +86,7 @@ def run(args: argparse.Namespace) -> None:
             print(f"picture: {pictures[0]}, {pictures[1]}")
 
 
-STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "path", "swing")
+STEP_SUMMARY = ("limb", "from_point", "to_point", "displacement", "swing")
 """Fields of a step that `--json` prints."""
 
 
@@ -149,18 +143,18 @@ def best_candidate(
 
 
 def suggestions(
-    graph: TwoLimbGraph | ImplicitGraph,
+    graph: StanceGraph,
     start: tuple[str, ...],
     goal: tuple[float, ...],
     args: argparse.Namespace,
 ) -> str:
     """Return in words which changes would make the goal reachable, and store them as data."""
     query: Any = {"goal_tolerance": args.tolerance, "goal_face": args.goal_face}
-    with Progress("trying changes: candidates for points", quiet=args.quiet) as progress:
-        found = smallest_changes(graph, start, goal, progress=progress.show, **query)
+    with Progress("trying changes", quiet=args.quiet):
+        found = smallest_changes(graph, start, goal, **query)
     args.result["suggestions"] = [change._asdict() for change in found]
     if not found:
-        return "no change of one kind would help: obstacles, limb_threshold, points or a limb"
+        return "no change of one kind would help: obstacles or limb_threshold"
     return "smallest changes with which a plan exists: " + "; ".join(
         f"{k}. {change.message}" for k, change in enumerate(found, 1)
     )
@@ -213,29 +207,6 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
     return result
 
 
-def find_plan_in_corridor(
-    args: argparse.Namespace,
-) -> tuple[StanceGraph, PlanningResult]:
-    """Plan near a route from start to goal of the arguments, and print the plan."""
-    if args.start is None or args.goal is None:
-        raise SettingError("--corridor needs --start and --goal")
-    if args.cost in COMPARED_COSTS:
-        raise SettingError(f"--cost {args.cost} compares several plans; leave out --corridor")
-    refuse_without_effect(args, "with --corridor", "refined", "suggest")
-    boxes, occupied = chosen_obstacles(args)
-    with Progress("planning near a route", quiet=args.quiet):
-        found = plan_in_corridor(
-            chosen_map(args), args.start, args.goal, args.cost, chosen_robot(args),
-            chosen_settings(args), obstacles=boxes, occupied=occupied,
-            regrasp_price=args.regrasp_price, **search_options(args),
-        )  # fmt: skip
-    graph, result = found.graph, found.result
-    whole = ", the whole map" if found.is_whole else ""
-    print(f"stances of {len(graph.grasp_map)} points were computed{whole}")
-    print_plan(graph, result, tuple(args.start), tuple(args.goal))
-    return graph, result
-
-
 def print_plan(
     graph: StanceGraph, result: PlanningResult, start: tuple[str, ...], goal: tuple[float, ...]
 ) -> None:
@@ -252,7 +223,7 @@ def print_plan(
     for k, step in enumerate(plan.steps, 1):
         print(
             f"  {k:2d}. limb {step.limb}: {step.from_point:>6} -> {step.to_point:<6} "
-            f"base {step.displacement:.3f} m, {step.path}, swing {step.swing}"
+            f"base {step.displacement:.3f} m, swing {step.swing}"
         )
     bound = plan.statistics.bound
     if bound is not None and (graph.limbs > 2 or bound > 1.0):

@@ -15,12 +15,12 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.closed_loop.rrt_connect import connected
 from mlivr_gym.collisions.contacts import lies_behind
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.holding import joints_along
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.motion.rrt_connect import connected
 from mlivr_gym.motion.time_scaling import quintic
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.cargo import Cargo

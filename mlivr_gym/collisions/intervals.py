@@ -15,9 +15,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import numpy as np
-
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import (
     GraspSurface,
     compare_with_grid,
@@ -28,6 +26,12 @@ from mlivr_gym.collisions.against_robot import (
     compare_limbs,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.compared import (
+    Compared,
+    LineInterval,
+    begin_comparing,
+    copy_pending,
+)
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
     JointLine,
@@ -39,7 +43,7 @@ from mlivr_gym.collisions.joint_lines import (
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.motion import RestingLimbs
 from mlivr_gym.collisions.placement import axis_of, capsule_axis
-from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, below, has, only
+from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.kinematics.poses import Pose, out_of
@@ -48,47 +52,12 @@ from mlivr_gym.robot.specification import MOST_LIMBS
 MOST_HALVINGS = 10
 """An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""
 
+FIRST_TURN = 4.0
+"""Sum of the turns of a limb up to which a line is one interval at first [rad]; affects the speed
+only."""
+
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
-
-
-class Compared(Record):
-    """What is compared on a line."""
-
-    boxes: int
-    """Set of limbs that are compared with boxes."""
-    holding: int
-    """Set of limbs that hold: their capsules on the flange axis stand still and are not compared
-    with boxes, since this was done where the stance was checked."""
-    base: bool
-    """Whether the body and what is fixed to it is compared with boxes."""
-    itself: int
-    """Set of limbs that are compared with themselves and the body."""
-    first: int
-    """Limb that is compared with `second`, or with the limbs at rest."""
-    second: int
-    """Limb that the first one is compared with, -1 for none."""
-    resting: bool
-    """Whether the first limb is compared with the limbs at rest."""
-
-
-class LineInterval(Record):
-    """An interval of a line that is still to be checked, with the comparisons that remain."""
-
-    middle: float
-    """Its middle, as a fraction of the line."""
-    half: float
-    """Half its length."""
-    boxes: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of capsules to compare with boxes."""
-    itself: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of pairs of its capsules to compare."""
-    body: Annotated[IntArray, (MOST_LIMBS,), np.int64]
-    """For each limb, set of capsules to compare with the body."""
-    limbs: int
-    """Set of capsules of the first limb to compare with the second, or of limbs at rest."""
-    base: bool
-    """Whether the base is to be compared with boxes."""
 
 
 class LineScratch(Record):
@@ -106,6 +75,8 @@ class LineScratch(Record):
     """Base there."""
     intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
     """Stack of intervals."""
+    pending: LineInterval
+    """The comparisons that remain for all of several lines."""
     is_leader: bool
     """Whether it was the base or its leader, without the other limbs, that was not clear."""
     jacobian: Annotated[Array, (6, 6)]
@@ -118,9 +89,30 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
 
     Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
     """
-    intervals = scratch.intervals
-    _start(robot, scratch.compared, intervals[0])
-    top = 1
+    line, most, parts = scratch.line, 0.0, 1
+    for i in range(robot.limb_count):
+        if has(scratch.compared.boxes | scratch.compared.itself, i):
+            turned = 0.0
+            for j in range(6):
+                turned += abs(line.last[i].q[j] - line.first[i].q[j])
+            most = max(most, turned)
+    # Little can be told of all of a long line at once.
+    while most > FIRST_TURN * parts:
+        parts *= 2
+    for k in range(parts):
+        interval = scratch.intervals[0]
+        begin_comparing(robot, scratch.compared, interval)
+        interval.middle, interval.half = (k + 0.5) / parts, 0.5 / parts
+        result = check_pending(robot, grid, clearance, scratch)
+        if result != CLEAR:
+            return result
+    return CLEAR
+
+
+@part
+def check_pending(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Make the comparisons of the first interval in `scratch`, the whole line; see `check_line`."""
+    intervals, top = scratch.intervals, 1
     while top > 0:
         top -= 1
         interval = intervals[top]
@@ -136,20 +128,18 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
     return CLEAR
 
 
-@part
-def _start(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
-    """Set an interval to the whole line, with everything to be compared."""
-    interval.middle = interval.half = 0.5
-    for i in range(robot.limb_count):
-        interval.boxes[i] = interval.itself[i] = interval.body[i] = EMPTY
-        if has(compared.boxes, i):
-            interval.boxes[i] = EVERY
-            if has(compared.holding, i):
-                interval.boxes[i] = below(robot.limbs[i].first_on_axis)
-        if has(compared.itself, i):
-            interval.itself[i] = interval.body[i] = EVERY
-    interval.base = compared.base
-    interval.limbs = EVERY if compared.resting or compared.second >= 0 else EMPTY
+@kernel
+def check_around(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+    """Check the middle of the line in `scratch`, and all that is as near to it in each joint.
+
+    Returns `CLEAR` if the robot keeps the clearance at all joint angles that differ from those in
+    the middle by no more than the ends do, in each joint on its own, so on any curve through them;
+    the cause of a collision in the middle; else `UNDECIDED`. The comparisons are those of the first
+    interval, where those that are undecided remain.
+    """
+    interval = scratch.intervals[0]
+    _place(robot, interval, scratch)
+    return _compare(robot, grid, clearance, interval, scratch)
 
 
 @part
@@ -158,10 +148,7 @@ def _halve(first: LineInterval, second: LineInterval) -> None:
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
-    for i in range(MOST_LIMBS):
-        second.boxes[i], second.itself[i] = first.boxes[i], first.itself[i]
-        second.body[i] = first.body[i]
-    second.limbs, second.base = first.limbs, first.base
+    copy_pending(first, second)
 
 
 @part

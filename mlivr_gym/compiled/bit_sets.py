@@ -44,6 +44,11 @@ def bits_of(branch_set: int) -> list[int]:
     return [bit for bit in range(2 * BRANCHES) if int(branch_set) >> bit & 1]
 
 
+def codes_of(codes: int) -> list[int]:
+    """Return the codes of all branches, see `code_of`."""
+    return [int(codes) >> 4 * branch & 15 for branch in range(BRANCHES)]
+
+
 @kernel
 def has(items: int, k: int) -> bool:
     """Return whether a set contains item `k`."""

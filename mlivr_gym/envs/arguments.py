@@ -51,7 +51,6 @@ ENV_ARGUMENTS: Validators = {
     **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Reader(simulation_part)),
     "grasp_failure": GRASP_FAILURE,
     "grasp_failure_seed": SEED,
-    "precompute": Flag(),
     "render_mode": OrNone(Choice(tuple(RENDER_FPS))),
     "width": WIDTH,
     "height": HEIGHT,

@@ -17,9 +17,7 @@ DYNAMICS = ("kinematic", "mujoco")
 """Names of the dynamics."""
 
 
-def check_dynamics(
-    dynamics: str, *, transitions: bool, precompute: bool, grasp_failure: float | Array
-) -> None:
+def check_dynamics(dynamics: str, *, transitions: bool, grasp_failure: float | Array) -> None:
     """Check that the dynamics of `MlivrEnv` support the other arguments.
 
     Raises a `SettingError` if an argument is not; the message names it.
@@ -30,8 +28,6 @@ def check_dynamics(
         raise SettingError(
             "dynamics='mujoco' needs transitions=True: unchecked steps cannot be executed"
         )
-    if precompute:
-        raise SettingError("precompute and the vector environment need dynamics='kinematic'")
     if np.any(np.asarray(grasp_failure) > 0.0):
         raise SettingError("failure probabilities (grasp_failure) need dynamics='kinematic'")
 

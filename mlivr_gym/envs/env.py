@@ -186,7 +186,6 @@ class MlivrEnv(StanceGraphEnv):
     | `physics` | None | grasps and failures: None or `"station"`, see `Setup.of` |
     | `grasp_failure` | 0.0 | mean failure probability, or that of each point; kinematic only |
     | `grasp_failure_seed` | 0 | seed of the failure probabilities |
-    | `precompute` | False | whether all steps are computed at once; two limbs, kinematic only |
     | `render_mode` | None | `"rgb_array"`, `"rgb_array_list"` (a film), or `"human"` (a window) |
     | `width`, `height` | 640, 360 | size of pictures [px] |
 
@@ -242,7 +241,6 @@ class MlivrEnv(StanceGraphEnv):
         physics: Physics | dict[str, Any] | str | None = None,
         grasp_failure: float | NDArray[np.float64] = 0.0,
         grasp_failure_seed: int = 0,
-        precompute: bool = False,
         render_mode: str | None = None,
         width: int = 640,
         height: int = 360,
@@ -252,8 +250,7 @@ class MlivrEnv(StanceGraphEnv):
 
         Raises a `MlivrError` if an argument cannot be used; the message names it.
         """
-        checks = {"transitions": transitions, "precompute": precompute}
-        check_dynamics(dynamics, **checks, grasp_failure=grasp_failure)
+        check_dynamics(dynamics, transitions=transitions, grasp_failure=grasp_failure)
         step_reward = REWARD.read(reward, FieldPath("reward", SettingError))
         self.reward = TotalReward(step_reward, success_bonus, shaping, discount, goal_tolerance)
         self.tasks = TASKS.read(tasks, FieldPath("tasks", SettingError))
@@ -277,7 +274,7 @@ class MlivrEnv(StanceGraphEnv):
             self._executor = StepExecutor(graph, setup)
         points = len(graph.grasp_map)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
-        if precompute or layouts:
+        if layouts:
             self.table_moves()
         self._stream, self._seeded = Stream(0), False
 
@@ -351,6 +348,11 @@ class MlivrEnv(StanceGraphEnv):
         ended = success or made.is_end or bool(self._simulation_info.get("failure"))
         info = self._info(not valid, made.grasp_failed)
         return self._observation(), float(reward(outcome)), ended, False, info
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether MuJoCo carries the steps out (`dynamics="mujoco"`)."""
+        return self._executor is not None
 
     def _begin_simulation(
         self, executor: StepExecutor, task: Task, given: ResetOptions, stream: Stream

@@ -15,8 +15,6 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.plan_motion import path_motion
-from mlivr_gym.motion.regrasp import RegraspPath, regrasp_of
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
@@ -138,9 +136,7 @@ def _moving_frames(graph: StanceGraph, states: Sequence[State]) -> list[list[Con
     out = [_configurations_at(postures, np.array([0]))]
     for k in range(len(states) - 1):
         try:
-            path = path_motion(
-                RegraspPath(graph, regrasp_of(graph, motion, k)), SAMPLES_PER_SEGMENT
-            )
+            path = motion.joint_path(graph.robot, k).samples(SAMPLES_PER_SEGMENT)
         except PlanError:
             out.append(_configurations_at(postures, np.array([k + 1])) * FRAMES_PER_ACTION)
             continue

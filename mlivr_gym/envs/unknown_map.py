@@ -68,7 +68,7 @@ class UnknownMapEnv(MlivrEnv):
         if not isinstance(drawn, LayoutTasks):
             raise SettingError(f"tasks is {tasks!r}; it must be 'clutter', 'random' or LayoutTasks")
         super().__init__(tasks=drawn, **options)
-        if self._executor is not None or (self.failure_probability > 0.0).any():
+        if self.is_simulated or (self.failure_probability > 0.0).any():
             raise SettingError(
                 "this environment needs dynamics='kinematic' and grasp_failure=0: whether a grasp "
                 "fails is decided by what occupies the point"

@@ -94,7 +94,9 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
             )
         if env is not None and kwargs:
             raise SettingError(f"env and {', '.join(kwargs)} are both given; give one of them")
-        self.env = MlivrEnv(**({"precompute": True} | kwargs)) if env is None else env
+        self.env = MlivrEnv(**kwargs) if env is None else env
+        if self.env.is_simulated:
+            raise SettingError("the vector environment needs dynamics='kinematic'")
         refuse_layouts(self.env.tasks)
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables

@@ -1,8 +1,8 @@
-"""From states to motion: branches, joint angles and swing that the robot commits to on each step.
+"""From states to motion: branches and joint path that the robot commits to on each step.
 
 A state of the stance graph holds the set of branches on which each limb may be; a robot is on one
-of them, with each joint angle in its window. `commit` chooses the swing of one step, for plans and
-for the simulation alike. `committed_motion` does so for a sequence of states, and chooses one
+of them, with each joint angle in its window. `commit` chooses the joint path of one step, for plans
+and for the simulation alike. `committed_motion` does so for a sequence of states, and chooses one
 branch for each interval in which a limb holds a point.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,11 +18,15 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
+from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.motion.base_paths import SupportsOnPath
+from mlivr_gym.motion.joint_path import JointPath
+from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step
-from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath
-from mlivr_gym.motion.swings import SwingFinder
+from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
+from mlivr_gym.motion.support_line import SupportLine
+from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
@@ -33,15 +37,15 @@ from mlivr_gym.transitions.state import State, moving_limb
 CACHED_STEPS = 4096
 """Capacity of the cache `CommittedSteps`, in steps."""
 
-TRAVEL_SAMPLES = 17
-"""Samples of a base path from which the joint travel of the support limbs is estimated."""
+UNCHECKED = Edge(path_kind=STRAIGHT, fold=-1, line_branches=-1, kept={})
+"""The edge of a step of a graph that does not check steps."""
 
 
 class Committed(NamedTuple):
-    """A committed step: branches and swing are chosen."""
+    """A committed step: branches and joint path are chosen."""
 
-    regrasp: Regrasp
-    """The step, with the knots of its swing."""
+    path: JointPath | None
+    """The joint path; None if steps are not checked and the limbs cannot follow."""
     swing: str
     """Kind of the swing, one of `plan_parts.SWING_KINDS`."""
 
@@ -57,35 +61,52 @@ class CommittedMotion(NamedTuple):
     """The edge of each step on the chosen branches; empty if steps are not checked."""
 
 
-def commit(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Committed | None:
-    """Choose the first swing of `commitments` for a step; return None if no clear swing exists."""
-    return next(commitments(graph, regrasp, edge), None)
+def commit(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Committed | None:
+    """Choose the first of `commitments` for a step; return None if no clear swing exists."""
+    return next(commitments(graph, ends, edge), None)
 
 
-def commitments(graph: StanceGraph, regrasp: Regrasp, edge: Edge) -> Iterator[Committed]:
-    """Yield a step on the chosen branches with each of its clear swings, the preferred one first.
+def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Committed]:
+    """Yield a step on its branches with each of its clear swings, the preferred one first.
 
-    The edge is that of the step as the graph has checked it on these branches; a swing that the
-    regrasp may have is ignored.
+    The edge is that of the step as the graph has checked it on these branches.
     """
     if not graph.settings.collisions:
-        yield Committed(regrasp, "unchecked")
+        yield Committed(_unchecked_path(graph, ends, edge), "unchecked")
         return
-    path = RegraspPath(graph, regrasp)
-    ends = path.departure(np.ones(1))[0], path.approach(np.zeros(1))[0]
-    points = regrasp.before[regrasp.limb], regrasp.to_point
-    finder = SwingFinder.of(graph, regrasp)
-    for swing in finder.swings(*ends, points, edge):
-        rounded = np.zeros((2, 2))
-        if len(swing.knots) > 2:
-            rounded = finder.round_corners(swing.knots, _line_travels(path, swing.knots))
-        yield Committed(replace(regrasp, knots=swing.knots, rounded=rounded), swing.kind)
+    lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
+    supports = _supports(graph, ends, edge)
+    finder = SwingFinder(graph, ends, supports)
+    for swing in finder.swings(lifts[0][-1], lifts[1][-1], edge):
+        parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
+        yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
+
+
+def _supports(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Supports:
+    """Return how the supports and the base move during a step."""
+    return SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnPath(graph, ends, edge)
+
+
+def _unchecked_path(graph: StanceGraph, ends: StepEnds, edge: Edge) -> JointPath | None:
+    """Return a joint path on which collisions are not checked; None if a limb cannot follow.
+
+    If supports are checked, they move as they were, and the other limb on one line.
+    """
+    try:
+        if not graph.settings.transitions:
+            return paper_path(graph, ends)
+        lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
+        above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
+        return step_path(graph, ends, lifts, [_supports(graph, ends, edge).knots(*above)])
+    except PlanError:
+        return None
 
 
 class CommittedSteps:
     """A cache of the last `CACHED_STEPS` committed steps, of which walks on one graph share many.
 
-    The key is everything on which the swing depends; a change of the obstacles empties the cache.
+    The key is everything on which a joint path depends; a change of the obstacles empties the
+    cache.
     """
 
     def __init__(self, graph: StanceGraph) -> None:
@@ -93,36 +114,22 @@ class CommittedSteps:
         self.graph, self._obstacles = graph, graph.obstacles
         self._cached: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
 
-    def commit(self, regrasp: Regrasp, edge: Edge) -> Committed | None:
+    def commit(self, ends: StepEnds, edge: Edge) -> Committed | None:
         """Return the result of the function `commit`, from the cache if it is stored there."""
-        graph, cached, step = self.graph, self._cached, regrasp
+        graph, cached = self.graph, self._cached
         if self._obstacles != graph.obstacles:
             cached.clear()
             self._obstacles = graph.obstacles
-        arrays = step.positions, step.rotations, step.joints, step.grasp_joints
+        arrays = ends.positions, ends.rotations, ends.joints
         key = (
-            step.limb, step.before, step.to_point, step.path_kind, step.branches, edge.fold,
-            edge.line_branches,
+            ends.limb, ends.before, ends.to_point, ends.branches, *edge[:-1],
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
         if key not in cached:
-            cached[key] = commit(graph, regrasp, edge)
+            cached[key] = commit(graph, ends, edge)
             if len(cached) > CACHED_STEPS:
                 cached.popitem(last=False)
         return cached[key]
-
-
-def _line_travels(path: RegraspPath, knots: Array) -> Array:
-    """Return the approximate joint travel on each line between knots, shape (k - 1,) [rad].
-
-    It is the maximum over the joints of the swing limb and, in proportion to the base parameter,
-    over those of the support limbs.
-    """
-    holding = path.supports(np.linspace(0.0, 1.0, TRAVEL_SAMPLES))
-    turned = np.nanmax(np.abs(np.diff(holding, axis=0)).sum(axis=0))
-    lines = np.abs(np.diff(knots, axis=0))
-    longest: Array = np.maximum(lines[:, 1:].max(axis=1), turned * lines[:, 0])
-    return longest
 
 
 def hold_intervals(points: IntArray, limb: int) -> list[tuple[int, int]]:
@@ -144,7 +151,7 @@ def committed_motion(
     postures: Postures | None = None,
     cache: CommittedSteps | None = None,
 ) -> CommittedMotion:
-    """Compute the motion of a walk over K states: branches, joint angles and swings.
+    """Compute the motion of a walk over K states: branches, joint angles and joint paths.
 
     For each interval in which a limb holds a point, the branch is the one that maximises the
     minimum `w_m` over the stances of the interval, among the branches of the last state on which
@@ -175,8 +182,23 @@ def committed_motion(
     return CommittedMotion(motion, None, tuple(draft.edges))
 
 
+def edges_along(graph: StanceGraph, motion: Motion) -> list[Edge]:
+    """Return the edge of each step of a motion, on the branches and flips of its joint angles."""
+    states = []
+    for k, stance in enumerate(motion.stances):
+        pose = graph.given_pose_of(stance, motion.base_positions[k], motion.base_quaternions[k])
+        states.append(graph.state(stance, pose, motion.joint_positions[k]))
+    if not graph.settings.transitions:
+        return [UNCHECKED] * len(motion.steps)
+    postures = graph.postures_of(states)
+    return [
+        graph.edge(here, there.stance, postures.take(slice(k, k + 2)))
+        for k, (here, there) in enumerate(pairwise(states))
+    ]
+
+
 class _MotionDraft:
-    """A motion under construction: first branches, then joint angles on them, then swings."""
+    """A motion under construction: first branches, then joint angles, then joint paths."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
         """Choose branches and edges of the walk, and compute its joint angles."""
@@ -200,7 +222,6 @@ class _MotionDraft:
             self.edges = self._edges()
             if self._take_line_branches(allowed):
                 self.edges = self._edges()
-        self.pivots = self._pivots()
         bits = self.branches + 8 * self.flips
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
@@ -254,48 +275,33 @@ class _MotionDraft:
                     changed = True
         return changed
 
-    def _pivots(self) -> Array:
-        """Return the centroid of the points held during each step, shape (K - 1, 3) [m]."""
-        held = self.points[:-1] == self.points[1:]
-        positions = self.graph.grasp_map.positions[self.points[:-1]]
-        centres: Array = (positions * held[..., None]).sum(axis=1) / held.sum(axis=1)[:, None]
-        return centres
-
     def commit(self, k: int, cache: CommittedSteps) -> Committed | None:
         """Commit the robot to step `k`; return None if no clear swing exists."""
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
-        regrasp = Regrasp(
+        ends = StepEnds(
             limb=limb,
             before=self.states[k].stance,
             to_point=self.states[k + 1].stance[limb],
             positions=self.postures.base_position[k : k + 2],
             rotations=self.postures.base_rotation[k : k + 2],
-            path_kind=self.edges[k].path_kind if self.edges else STRAIGHT,
-            pivot=self.pivots[k],
             branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),
-            joints=self.joints[k],
-            grasp_joints=self.joints[k + 1, limb],
-            knots=UNCHECKED_KNOTS,
+            joints=self.joints[k : k + 2],
         )
-        if not self.edges:
-            return Committed(regrasp, "unchecked")
-        return cache.commit(regrasp, self.edges[k])
+        return cache.commit(ends, self.edges[k] if self.edges else UNCHECKED)
 
     def step(self, k: int, committed: Committed) -> Step:
         """Return step `k` in the form in which a plan stores it."""
-        regrasp, ids = committed.regrasp, self.graph.grasp_map.ids
-        x, y, z = regrasp.pivot.tolist()
-        return Step(
-            limb=regrasp.limb,
-            from_point=ids[regrasp.before[regrasp.limb]],
-            to_point=ids[regrasp.to_point],
-            path=PATH_KINDS[regrasp.path_kind] if self.edges else "unchecked",
-            pivot=(x, y, z),
-            displacement=float(np.linalg.norm(regrasp.positions[1] - regrasp.positions[0])),
-            swing=committed.swing,
-            knots=tuple(tuple(knot) for knot in regrasp.knots.tolist()),
-            rounded=tuple(tuple(corner) for corner in regrasp.rounded.tolist()),
+        before, after = (self.graph.ids(self.states[n].stance) for n in (k, k + 1))
+        positions = self.postures.base_position
+        limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
+        step = Step(
+            limb=limb,
+            from_point=before[limb],
+            to_point=after[limb],
+            leader=int(limb == 0),
+            displacement=float(np.linalg.norm(positions[k + 1] - positions[k])),
         )
+        return step if committed.path is None else step.along(committed.path, committed.swing)
 
     def manipulability(self) -> tuple[Array, Array]:
         """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""

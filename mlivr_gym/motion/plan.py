@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from mlivr_gym.arguments import FileName, InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, PlanError, shortened
 from mlivr_gym.files import load, write_whole
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan_checks import check_motion, check_totals
 from mlivr_gym.motion.plan_files import plan_data, read_parts
 from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
@@ -117,6 +119,13 @@ class Plan(EqualByData):
             raise PlanError(f"k is {k}; the plan has {len(self.stances)} stances, from 0")
         return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
+    def joint_path(self, index: int) -> JointPath:
+        """Return the joint path of a step, by its index from 0.
+
+        Raises a `PlanError` if the plan has no such step, or the step has no joint path.
+        """
+        return self.motion.joint_path(self.world.robot, index)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the plan as plain data for JSON."""
         return plan_data(self.query, self.world, self.motion, self.statistics)
@@ -124,9 +133,11 @@ class Plan(EqualByData):
     def save(self, path: str | Path) -> None:
         """Write the plan as JSON; the file is replaced as a whole or not at all.
 
-        Raises a `FileError` if the file cannot be written.
+        Lists of numbers stand in one line. Raises a `FileError` if the file cannot be written.
         """
-        write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
+        text = json.dumps(self.to_dict(), indent=1)
+        text = re.sub(r"\[\s+([-.\de,\s]+)\]", lambda m: f"[{' '.join(m[1].split())}]", text)
+        write_whole(path, text + "\n")
 
     @classmethod
     @checked(READ, PlanError)

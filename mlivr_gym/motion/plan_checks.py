@@ -8,7 +8,6 @@ checked as when the plan was made.
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,13 +15,14 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import MlivrError, PlanError, shortened
+from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
-from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, World
-from mlivr_gym.motion.regrasp import are_distinct, regrasp_of
+from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, flange_in_body
+from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.postures.postures import FIELDS, Postures
-from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
@@ -140,17 +140,16 @@ def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntA
 
 def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) -> None:
     """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
-    given, robot = motion.base_rotations[k], graph.robot
+    given = motion.base_rotations[k]
     positions, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
-    for i, mount in enumerate(robot.mount_rotations):
-        frame = link_frames(robot.every_limb[i], motion.joint_positions[k, i])[6]
-        position, turn = frame[:3, 3], frame[:3, :3]
+    for i, joints in enumerate(motion.joint_positions[k]):
+        position, turn = flange_in_body(graph.robot, i, joints)
         flange = graph.solver.grasps[points[i]]["flange"]
         turns[i] = min(
-            (flange["rotation"] @ flip @ (mount @ turn).T for flip in (np.eye(3), FLIP)),
+            (flange["rotation"] @ flip @ turn.T for flip in (np.eye(3), FLIP)),
             key=lambda turn: np.abs(turn - given).max(),
         )
-        positions[i] = flange["position"] - turns[i] @ (robot.mount_positions[i] + mount @ position)
+        positions[i] = flange["position"] - turns[i] @ position
     if max(np.ptp(positions, axis=0).max(), np.ptp(turns, axis=0).max()) < TOLERANCE:
         _compare(
             f"motion.base_positions[{k}]", motion.base_positions[k].tolist(), positions[0].tolist()
@@ -215,39 +214,56 @@ def _check_steps(
     for name in ("branches", "joint_positions", "w_m", "w_b"):
         here, there = (getattr(one, name).tolist() for one in (motion, expected.motion))
         _compare(f"motion.{name}", here, there)
-    for k, pair in enumerate(zip(motion.steps, expected.motion.steps, strict=True)):
-        here, there = map(asdict, pair)
-        if here["swing"] != there["swing"] or here["knots"] != there["knots"]:
-            there |= _same_swing(graph, expected, k, here)
-        if len(here["knots"]) != len(there["knots"]):
-            here, there = _distinct_knots(here), _distinct_knots(there)
-        _compare(f"motion.steps[{k}]", here, there)
+    for k, step in enumerate(motion.steps):
+        place = f"motion.steps[{k}]"
+        if step.swing != "unchecked":
+            path, holds = motion.joint_path(graph.robot, k), motion.joint_positions[k : k + 2]
+            for end, hold in ((0, holds[0]), (len(path.knots) - 1, holds[1])):
+                _compare(f"{place}.knots[{end}]", path.knots[end].tolist(), hold.tolist())
+            _check_joint_path(place, path)
+        _compare(place, vars(step), vars(_same_swing(graph, expected, k, step)))
 
 
-def _same_swing(
-    graph: ImplicitGraph, expected: CommittedMotion, k: int, step: dict[str, Any]
-) -> dict[str, Any]:
-    """Return kind, knots and corners of the clear swing of step `k` that a plan may have chosen.
+def _check_joint_path(place: str, path: JointPath) -> None:
+    """Check that supports hold their points along a joint path, and joints stay in their windows.
 
-    The dictionary is empty if no clear swing has the kind and the knots of `step`, the given one.
+    Between two knots grippers of support limbs are farthest off in the middle.
     """
+    middles = 0.5 * (path.knots[1:] + path.knots[:-1])
+    for name, joints, most in (("at", path.knots, TOLERANCE), ("after", middles, HOLD_TOLERANCE)):
+        slips = path.slips(joints)
+        k = int(slips.argmax())
+        if slips[k] > most:
+            raise PlanError(
+                f"{place}.knots: {name} knot {k} the support limbs are {float(slips[k])!r} m "
+                f"off their points; it may be {most!r} m"
+            )
+    windows = np.array([limb.windows for limb in path.robot.every_limb])
+    excess = np.maximum(windows[..., 0] - path.knots, path.knots - windows[..., 1])
+    if excess.max() > LIMIT_TOLERANCE:
+        n, limb, joint = np.unravel_index(int(excess.argmax()), excess.shape)
+        raise PlanError(
+            f"{place}.knots[{n}][{limb}][{joint}] is {float(path.knots[n, limb, joint])!r}, "
+            f"outside the window of the joint, {windows[limb, joint].tolist()}"
+        )
+
+
+def _same_swing(graph: ImplicitGraph, expected: CommittedMotion, k: int, step: Step) -> Step:
+    """Return step `k` with the clear swing that a plan may have chosen, or that it should have."""
     assert expected.motion is not None
-    regrasp = regrasp_of(graph, expected.motion, k)
-    given = np.array(step["knots"]).reshape(-1, 7)
-    for other in commitments(graph, regrasp, expected.edges[k]) if expected.edges else ():
-        knots = other.regrasp.knots
-        alike = other.swing == step["swing"] and given.shape == knots.shape
-        if alike and np.abs(given - knots).max(initial=0.0) <= TOLERANCE:
-            rounded = tuple(map(tuple, other.regrasp.rounded.tolist()))
-            swing = tuple(map(tuple, knots.tolist()))
-            return {"swing": other.swing, "knots": swing, "rounded": rounded}
-    return {}
+    found = expected.motion.steps[k]
+    if expected.edges and not _is_along(step, found):
+        ends = StepEnds.of(graph, expected.motion, k)
+        for path, swing in commitments(graph, ends, expected.edges[k]):
+            if path is not None and _is_along(step, found.along(path, swing)):
+                return found.along(path, swing)
+    return found
 
 
-def _distinct_knots(step: dict[str, Any]) -> dict[str, Any]:
-    """Return a step without the knots that repeat the one before, up to rounding."""
-    kept = np.flatnonzero(are_distinct(np.array(step["knots"]).reshape(-1, 7))).tolist()
-    return step | {name: tuple(step[name][k] for k in kept) for name in ("knots", "rounded")}
+def _is_along(step: Step, other: Step) -> bool:
+    """Return whether two steps have the same knots, up to rounding."""
+    here, there = np.array(step.knots), np.array(other.knots)
+    return here.shape == there.shape and bool(np.abs(here - there).max(initial=0.0) <= TOLERANCE)
 
 
 def _compare(path: str, given: Any, expected: Any) -> None:

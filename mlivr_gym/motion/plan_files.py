@@ -11,7 +11,6 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.errors import PlanError, shortened
 from mlivr_gym.files import checksum
-from mlivr_gym.kinematics.base_path import PATH_KINDS
 from mlivr_gym.motion.plan_parts import (
     SWING_KINDS,
     Motion,
@@ -36,14 +35,11 @@ from mlivr_gym.schema import (
 from mlivr_gym.settings import GRAPH_RULES, check_rules
 from mlivr_gym.values import MAX_LENGTH, MAX_PARTS
 
-FORMAT = 5
+FORMAT = 6
 """Version of the file format."""
 
 UNIT_TOLERANCE = 1e-6
 """Largest deviation of the norm of a quaternion from 1."""
-
-ROUNDING = 1e-9
-"""Fractions of a line that exceed the whole line by less are accepted."""
 
 MAX_STANCES = 10_000
 """Upper bound of the stances of a plan that is read; a walk through the JEM and back has about
@@ -80,12 +76,11 @@ def step_fields(limbs: int) -> Struct[Step]:
             "limb": Integer(0, limbs - 1),
             "from_point": NAME,
             "to_point": NAME,
-            "path": Choice((*PATH_KINDS, "unchecked")),
-            "pivot": Tuples((3,), most=MAX_LENGTH, unit="m"),
+            "leader": Integer(0, limbs - 1),
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
-            "knots": Tuples((None, 7), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
-            "rounded": Tuples((None, 2), 0.0, 1.0, "", (0, MAX_PARTS)),
+            "rests": ListOf(Integer(0, MAX_PARTS), 0, MAX_PARTS),
+            "knots": Tuples((None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
         },
         complete=True,
     )
@@ -124,7 +119,7 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
     data["motion"] = {
         name: value.tolist() if isinstance(value, np.ndarray) else value
         for name, value in values.items()
-    } | {"steps": [asdict(step) for step in motion.steps]}
+    } | {"steps": [dict(vars(step)) for step in motion.steps]}
     data["statistics"] = asdict(statistics)
     return data | {"checksum": checksum(data)}
 
@@ -154,30 +149,26 @@ def _motion(data: Any, limbs: int) -> Motion:
     if abs(lengths[wrong] - 1.0) > UNIT_TOLERANCE:
         quaternion = place.field("base_quaternions").entry(wrong)
         raise quaternion.fault(f"has length {lengths[wrong]:g}; it must be 1")
-    for i, step in enumerate(motion.steps):
-        s = np.array([knot[0] for knot in step.knots])
-        if len(s) and (len(s) < 2 or s[0] != 0.0 or s[-1] != 1.0 or (np.diff(s) < 0.0).any()):
-            knots = place.field("steps").entry(i).field("knots")
-            raise knots.fault(
-                "must be none, or two or more with base parameters that rise from 0 to 1, "
-                f"not {shortened(s.tolist())}"
-            )
-        _check_corners(place.field("steps").entry(i).field("rounded"), step)
     _check_order(motion.stances, motion.steps)
+    for i, step in enumerate(motion.steps):
+        _check_joint_path(place.field("steps").entry(i), step)
     return replace(motion, branches=np.array(motion.branches, dtype=np.int64))
 
 
-def _check_corners(place: FieldPath, step: Step) -> None:
-    """Check that each knot has a corner, and that the swing is at rest at both ends."""
-    corners = step.rounded
-    if len(corners) != len(step.knots):
-        raise place.fault(f"has {len(corners)} corners for {len(step.knots)} knots")
-    if any((before > 0.0) != (after > 0.0) for before, after in corners):
-        raise place.fault(f"must have both fractions of a corner or none, not {shortened(corners)}")
-    if corners and (any(corners[0]) or any(corners[-1])):
-        raise place.fault(f"must be 0 at both ends, not {shortened([corners[0], corners[-1]])}")
-    if any(here[1] + ahead[0] > 1.0 + ROUNDING for here, ahead in pairwise(corners)):
-        raise place.fault(f"must share each line between its two corners, not {shortened(corners)}")
+def _check_joint_path(place: FieldPath, step: Step) -> None:
+    """Check that knots and rests of a step are those of a joint path, or left out.
+
+    A joint path has a departure, an approach, and a swing of one part or more.
+    """
+    if step.leader == step.limb:
+        raise place.field("leader").fault(f"is {step.leader}, the limb that moves")
+    if step.knots or step.rests or step.swing != "unchecked":
+        rests, rising = step.rests, all(a < b for a, b in pairwise(step.rests))
+        if len(rests) < 4 or not rising or (rests[0], rests[-1]) != (0, len(step.knots) - 1):
+            raise place.field("rests").fault(
+                f"must rise from 0 to {len(step.knots) - 1}, the number of the last knot, by three "
+                f"segments or more, not {shortened(list(rests))}"
+            )
 
 
 def _check_order(stances: tuple[tuple[str, ...], ...], steps: tuple[Step, ...]) -> None:

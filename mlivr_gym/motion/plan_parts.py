@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +11,8 @@ import scipy
 
 from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.kinematics.base_path import PATH_KINDS, STRAIGHT
+from mlivr_gym.errors import PlanError
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.robot.specification import ROBOT, RobotSpec
 from mlivr_gym.schema import NAME, Choice, Integer, ListOf, OrNone, Tuples
 from mlivr_gym.settings import SETTINGS, Settings
@@ -33,7 +34,7 @@ COUNT = Integer(0, 1 << 62)
 
 @dataclass(frozen=True)
 class Step:
-    """One regrasp, with the base path that goes with it."""
+    """One regrasp, with the joint path by which it is carried out, see `joint_path`."""
 
     limb: int
     """Index of the limb that moves."""
@@ -41,28 +42,23 @@ class Step:
     """Id of the point that it releases."""
     to_point: str
     """Id of the point that it grasps."""
-    path: str
-    """Kind of the base path: `"straight"`, `"arc"`, or `"unchecked"` if the plan was made without
-    checks of the steps."""
-    pivot: tuple[float, float, float]
-    """Centre of the arc in the world: the centroid of the points that the support limbs hold
-    [m]."""
+    leader: int
+    """Index of the support limb that carries the base."""
     displacement: float
     """Base displacement [m]."""
     swing: str = "unchecked"
     """Kind of the swing, one of `mlivr_gym.motion.plan_parts.SWING_KINDS`."""
-    knots: tuple[tuple[float, ...], ...] = ()
-    """Knots of the swing, from above the point that the limb releases to above the point that it
-    grasps: base parameter from 0 to 1 and the six joint angles of the limb [rad]. Both change
-    linearly between two knots."""
-    rounded: tuple[tuple[float, ...], ...] = ()
-    """Fractions of the lines before and after each knot that its rounded corner replaces, see
-    `mlivr_gym.motion.rounded_lines`; 0 and 0 where the swing stops."""
+    rests: tuple[int, ...] = ()
+    """Indices of the knots at which the robot is at rest: the first and the last, and those between
+    departure, parts of the swing, and approach."""
+    knots: tuple[tuple[tuple[float, ...], ...], ...] = ()
+    """Knots of the joint path: joint angles of all limbs, which change linearly from one knot to
+    the next [rad]. There are none if steps are not checked and the limbs cannot follow."""
 
-    @property
-    def path_kind(self) -> int:
-        """Number of the kind of the base path; one that was not checked is straight."""
-        return PATH_KINDS.index(self.path) if self.path in PATH_KINDS else STRAIGHT
+    def along(self, path: JointPath, swing: str) -> Step:
+        """Return the step along a joint path with a swing of a kind."""
+        knots = tuple(tuple(map(tuple, knot)) for knot in path.knots.tolist())
+        return replace(self, leader=path.leader, swing=swing, rests=path.rests, knots=knots)
 
 
 @dataclass(frozen=True)
@@ -144,6 +140,25 @@ class Motion:
         """Base orientations in the world, shape (K, 3, 3)."""
         turns = scipy.spatial.transform.Rotation.from_quat(self.base_quaternions, scalar_first=True)
         return np.asarray(turns.as_matrix())
+
+    def joint_path(self, robot: RobotSpec, index: int) -> JointPath:
+        """Return the joint path of a step of this robot, by its index from 0.
+
+        Raises a `PlanError` if there is no such step, or it has no joint path.
+        """
+        if not 0 <= index < len(self.steps):
+            count = len(self.steps)
+            raise PlanError(f"the plan has no step {index}; it has {count}, counted from 0")
+        step = self.steps[index]
+        if not step.knots:
+            raise PlanError(
+                f"step {index} has no joint path: its steps were not checked, and a limb cannot "
+                "follow the base"
+            )
+        return JointPath(
+            robot, step.limb, step.leader, self.base_positions[index], self.base_rotations[index],
+            np.array(step.knots), step.rests,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         """Return the number of stances and limbs in one line."""

@@ -17,7 +17,7 @@ import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.path_segments import PathSegment
+from mlivr_gym.motion.joint_path import PathSegment
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 
 MAX_DURATION = 3600.0

@@ -21,7 +21,7 @@ class TimedConfigurations:
     step: IntArray
     """Index of the step, shape (k,)."""
     phase: IntArray
-    """Index into `regrasp.PHASES`, shape (k,)."""
+    """Index into `joint_path.PHASES`, shape (k,)."""
     base_positions: Array
     """Base positions in the world, shape (k, 3) [m]."""
     base_quaternions: Array

@@ -1,12 +1,12 @@
-"""Trajectories: the path of a step with a time scaling, sampled on a regular time grid.
+"""Trajectories: the joint path of a step with a time scaling, sampled on a regular time grid.
 
-Each path segment runs from rest to rest by its time scaling. The geometric path that was checked is
-kept exactly, on lines as well as on rounded corners; at a corner that is not rounded velocity and
-acceleration vanish.
+Each path segment runs from rest to rest by its time scaling, smoothly through its knots, see
+`joint_path`. The base follows from the joint angles of the leader.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -17,11 +17,11 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
-from mlivr_gym.motion.path_segments import PathSegment
-from mlivr_gym.motion.regrasp import PHASES, RegraspPath
+from mlivr_gym.motion.joint_path import PHASES, JointPath, quaternions
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
 from mlivr_gym.schema import Tuples
+from mlivr_gym.world.grasp_map import GraspMap
 
 FREE = -1
 """Point index of a limb that holds no point."""
@@ -33,10 +33,8 @@ MAX_SAMPLES = 1_000_000
 class TimedPath(NamedTuple):
     """A step with a time scaling for each of its path segments."""
 
-    path: RegraspPath
-    """The path of the step."""
-    segments: tuple[PathSegment, ...]
-    """The path segments of the step."""
+    path: JointPath
+    """The joint path of the step."""
     time_scalings: tuple[scipy.interpolate.PPoly, ...]
     """Time scaling of each segment."""
 
@@ -163,17 +161,18 @@ MOTION = (
 """Fields that change with the time of a trajectory."""
 
 
-def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
-    """Compute the trajectory of one step.
+def trajectory(
+    grasp_map: GraspMap, stances: Sequence[Sequence[str]], timed: TimedPath, period: float = 0.002
+) -> Trajectory:
+    """Compute the trajectory of one step between two stances, given by the ids of their points.
 
     By the chain rule the velocity is `q' sigma_dot` and the acceleration `q' sigma_ddot + q''
     sigma_dot^2`, with the derivatives q', q'' of the path segment and those of its time scaling
     sigma(t). The step is slowed down by less than one `period`, the spacing of the time grid [s],
     so that it takes a whole number of periods.
 
-    Raises a `PlanError` if a support limb cannot follow the base, or a joint would leave its
-    limits, and a `SettingError` if the period is not positive, exceeds the step, or gives too many
-    samples.
+    Raises a `PlanError` if a joint would leave its limits, and a `SettingError` if the period is
+    not positive, exceeds the step, or gives too many samples.
     """
     path, duration = timed.path, timed.duration
     if not (np.isfinite(period) and 0.0 < period < duration):
@@ -183,51 +182,41 @@ def trajectory(timed: TimedPath, period: float = 0.002) -> Trajectory:
             f"period is {period!r}: a step of {duration:g} s has more than {MAX_SAMPLES} "
             f"samples; it must be at least {duration / MAX_SAMPLES:g} s"
         )
-    step, graph = path.regrasp, path.graph
     count = int(np.ceil(duration / period - 1e-9)) + 1
     times: Array = np.arange(count, dtype=np.float64) * period
     slower = times[-1] / duration
     ends = timed.ends
     part = np.minimum(np.searchsorted(ends, times / slower, side="left"), len(ends) - 1)
     starts = np.concatenate([[0.0], ends[:-1]])
-    s, moving = np.zeros(count), np.empty((count, 6))
-    speeds, accelerations = np.empty((2, count, 6 + 6 * graph.limbs))
-    last = len(ends) - 1
-    for k, (segment, scaling) in enumerate(zip(timed.segments, timed.time_scalings, strict=True)):
+    joints = np.empty((count, *path.knots.shape[1:]))
+    speeds, accelerations = np.empty((2, count, 6 + joints[0].size))
+    for k, (segment, scaling) in enumerate(zip(path.segments, timed.time_scalings, strict=True)):
         here = part == k
         since = np.clip(times[here] / slower - starts[k], 0.0, scaling.x[-1])
         sigma = np.clip(scaling(since), 0.0, 1.0)
-        if k == 0:
-            moving[here] = path.departure(sigma)
-        elif k == last:
-            moving[here], s[here] = path.approach(sigma), 1.0
-        else:
-            s[here], moving[here] = path.swing(k - 1, sigma)
+        joints[here] = segment.joints_at(sigma)
         rate, change = scaling(since, 1) / slower, scaling(since, 2) / slower**2
         first, second = segment.curve(sigma, 1), segment.curve(sigma, 2)
         speeds[here] = rate[:, None] * first
         accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
-    positions, rotations = path.base(s)
-    joints = path.supports(s)
-    joints[:, step.limb] = moving
-    _check_limits(graph.robot.joint_limits, joints, times)
-    grasps = np.tile(np.array(step.before), (count, 1))
-    grasps[:, step.limb] = FREE
-    grasps[0, step.limb], grasps[-1, step.limb] = step.before[step.limb], step.to_point
-    phases = np.array([segment.phase for segment in timed.segments])
+    positions, rotations = path.base(joints)
+    _check_limits(path.robot.joint_limits, joints, times)
+    before, after = ([grasp_map.index(point) for point in stance] for stance in stances)
+    grasps = np.tile(np.array(before), (count, 1))
+    grasps[1:-1, path.limb], grasps[-1, path.limb] = FREE, after[path.limb]
     return Trajectory(
         times=times,
         step=np.zeros(count, dtype=np.int64),
-        phase=phases[part],
+        phase=np.array([segment.phase for segment in path.segments])[part],
         joint_positions=joints,
         joint_velocities=speeds[:, 6:].reshape(joints.shape),
         joint_accelerations=accelerations[:, 6:].reshape(joints.shape),
         base_positions=positions,
-        base_quaternions=_quaternions(rotations),
+        base_quaternions=quaternions(rotations),
         base_velocities=speeds[:, :6],
         base_accelerations=accelerations[:, :6],
         grasps=grasps,
-        point_ids=tuple(graph.grasp_map.ids),
+        point_ids=tuple(grasp_map.ids),
     )
 
 
@@ -240,13 +229,3 @@ def _check_limits(limits: Array, joints: Array, times: Array) -> None:
             f"joint {joint + 1} of limb {limb} would be {excess.max():.4f} rad outside its limits "
             f"{times[k]:.2f} s into the step"
         )
-
-
-def _quaternions(rotations: Array) -> Array:
-    """Return continuous quaternions w, x, y, z of rotations; the first has w >= 0."""
-    quaternions: Array = scipy.spatial.transform.Rotation.from_matrix(rotations).as_quat(
-        scalar_first=True
-    )
-    same = np.einsum("ij,ij->i", quaternions[1:], quaternions[:-1]) >= 0.0
-    signs = np.cumprod(np.concatenate([[quaternions[0, 0] >= 0.0], same]) * 2.0 - 1.0)
-    return quaternions * signs[:, None]

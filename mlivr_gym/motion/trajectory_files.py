@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 
 BASE = ("x", "y", "z", "qw", "qx", "qy", "qz")

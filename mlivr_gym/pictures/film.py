@@ -19,8 +19,8 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import RenderError, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.arguments import ARGUMENTS
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import PHASES
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot

@@ -1,8 +1,8 @@
 """Visual meshes of limbs, which pictures show in place of the collision shapes.
 
 A robot read from a URDF or MJCF file has those of the file, see `robot.visuals`. Meshes ship for
-the UR3e and UR5e, see `experiments/visual_meshes.py`. Other arms are drawn by their capsules.
-Meshes take no part in physics or in checks of collisions.
+the UR3e and UR5e. Other arms are drawn by their capsules. Meshes take no part in physics or in
+checks of collisions.
 """
 
 from __future__ import annotations

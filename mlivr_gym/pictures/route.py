@@ -8,8 +8,6 @@ import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.base_path import base_path, base_poses
-from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.scene_shapes import add_ball, add_capsule, rgba
@@ -23,21 +21,27 @@ GOAL_OPACITY = 0.3
 """Opacity of the ball that shows the goal region."""
 
 SAMPLES = 13
-"""Number of samples of the base path of a step, enough for a smooth arc."""
+"""Number of samples of a path segment, enough for a smooth line."""
 
+SAME_PLACE = 1e-6
+"""Samples closer together than this count as one place [m]."""
 
 Label = tuple[Any, str, str]
 """Position [m], text and colour of a label."""
 
 
-def base_paths(plan: Plan, samples: int = SAMPLES) -> list[Array]:
-    """Sample the base position along the base path of each step, shapes (samples, 3) [m]."""
-    motion, share = plan.motion, np.linspace(0.0, 1.0, samples)
-    poses = [pose(*at) for at in zip(motion.base_positions, motion.base_rotations, strict=True)]
-    paths = []
+def base_paths(plan: Plan) -> list[Array]:
+    """Return base positions along each step, shapes (k, 3) [m].
+
+    Of a step without a joint path they are those of its stances.
+    """
+    ends, paths = plan.motion.base_positions, []
     for k, step in enumerate(plan.steps):
-        path = base_path(poses[k], poses[k + 1], step.path_kind, np.array(step.pivot))
-        paths.append(base_poses(path, share)[0])
+        walked = ends[k : k + 2]
+        if step.knots:
+            walked = plan.joint_path(k).samples(SAMPLES).base_positions
+        moved = np.linalg.norm(np.diff(walked, axis=0), axis=1) > SAME_PLACE
+        paths.append(walked[np.append(True, moved)])
     return paths
 
 

@@ -17,9 +17,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.path_segments import PathSegment
-from mlivr_gym.motion.regrasp import PHASES, Regrasp
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.motion.joint_path import PHASES, JointPath, PathSegment
 from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
 from mlivr_gym.simulation.limits import Limits
 
@@ -105,15 +103,13 @@ class SegmentDynamics(NamedTuple):
         return Binding(shortest, ("grasp_force", "grasp_torque")[kind], self.holding[n], 0)
 
 
-def segment_dynamics(
-    robot: RobotSpec, regrasp: Regrasp, segment: PathSegment, limits: Limits
-) -> SegmentDynamics:
-    """Compute the dynamics along a path segment, in units of the limits.
+def segment_dynamics(path: JointPath, segment: PathSegment, limits: Limits) -> SegmentDynamics:
+    """Compute the dynamics along a segment of a joint path, in units of the limits.
 
     Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
     """
+    robot, holding = path.robot, path.supports
     sigmas, count = segment.sigmas, len(segment.sigmas)
-    holding = tuple(i for i in range(robot.limbs) if i != regrasp.limb)
     positions = np.column_stack(
         [segment.base_positions, segment.base_quaternions, segment.joints.reshape(count, -1)]
     )
@@ -136,4 +132,4 @@ def segment_dynamics(
     # During departure and approach the gripper moves along the surface normal by the lift.
     normal_rate = robot.lift / limits.surface_speed if PHASES[segment.phase] != "swing" else 0.0
     speeds = np.column_stack([first[:, 6:] / speed, np.full(count, normal_rate)])
-    return SegmentDynamics(holding, regrasp.limb, sigmas, loads.swapaxes(0, 1), speeds)
+    return SegmentDynamics(holding, path.limb, sigmas, loads.swapaxes(0, 1), speeds)

@@ -15,7 +15,7 @@ from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.path_segments import PathSegment
+from mlivr_gym.motion.joint_path import PathSegment
 from mlivr_gym.motion.trajectory import TimedPath
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
@@ -36,8 +36,8 @@ class Reaction(NamedTuple):
 
 def reaction_of(timed: TimedPath) -> Reaction:
     """Return the reaction of a step with its time scalings."""
-    robot, impulse, peak = timed.path.graph.robot, 0.0, 0.0
-    for segment, scaling in zip(timed.segments, timed.time_scalings, strict=True):
+    robot, impulse, peak = timed.path.robot, 0.0, 0.0
+    for segment, scaling in zip(timed.path.segments, timed.time_scalings, strict=True):
         times = sampled_times(scaling)
         sigma, rate, change = (scaling(times, order)[:, None] for order in range(3))
         curve = CubicSpline(segment.sigmas, _centres_of_mass(robot, segment))

@@ -41,7 +41,7 @@ class Failure:
     step: int
     """Index of the step."""
     phase: str
-    """Name of the phase, one of `regrasp.PHASES`."""
+    """Name of the phase, one of `joint_path.PHASES`."""
     limb: int
     """Index of the limb concerned, -1 if none is."""
     message: str

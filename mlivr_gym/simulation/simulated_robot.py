@@ -17,7 +17,7 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import SimulationError
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import OrNone

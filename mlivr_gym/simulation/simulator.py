@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.errors import SimulationError
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.guidance import PATIENCE

@@ -21,8 +21,9 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.commitment import commit
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import UNCHECKED_KNOTS, Regrasp, RegraspPath, planned_regrasp
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.recording import Failure
@@ -96,7 +97,7 @@ class StepExecutor:
             self._simulated = graph.version, seed
         self._plan, self._next, self.steps_done = plan, 0, 0
         if plan is not None:
-            self.joints = planned_regrasp(graph, plan, 0).joints.copy()
+            self.joints = plan.joint_path(0).knots[0]
             self.state = self._on_branches(state, plan.motion.branches[0])
         else:
             for limb in range(graph.limbs):
@@ -142,13 +143,14 @@ class StepExecutor:
         result = self._planned(after) or self._committed(State(after, branch_sets))
         if result is None:
             return self._not_begun(limb, point, "no swing was found")
-        regrasp, reached = result
+        path, reached = result
+        graph, period = self.graph, self.setup.physics.timestep
+        stances = graph.ids(self.state.stance), graph.ids(after)
         try:
-            path = RegraspPath(self.graph, regrasp)
-            timed = trajectory(timed_path(path, self.setup.timing), self.setup.physics.timestep)
+            timed = timed_path(path, self.setup.timing)
+            return PreparedStep(trajectory(graph.grasp_map, stances, timed, period), reached)
         except (PlanError, TimingError) as error:
             return self._not_begun(limb, point, str(error))
-        return PreparedStep(timed, reached)
 
     def take(
         self, prepared: PreparedStep, watch: PathWatch | None = None
@@ -172,7 +174,7 @@ class StepExecutor:
         Without a plan each step is committed to a branch and a swing of its own.
         """
         if plan is not None:
-            joints = planned_regrasp(self.graph, plan, 0).joints
+            joints = plan.joint_path(0).knots[0]
             plan = plan if np.allclose(joints, self.joints, atol=1e-6) else None
         self._plan, self._next = plan, 0
 
@@ -187,54 +189,53 @@ class StepExecutor:
         time, step = self.simulation.time, self.steps_done
         return Failure("no swing", time, step, "departure", limb, message, {})
 
-    def _planned(self, after: tuple[int, ...]) -> tuple[Regrasp, State] | None:
+    def _planned(self, after: tuple[int, ...]) -> tuple[JointPath, State] | None:
         """Return the next step of the plan and its state, if it leads to the stance `after`."""
         plan = self._plan
         if plan is None or self._next >= len(plan.steps):
             return None
-        regrasp = planned_regrasp(self.graph, plan, self._next)
-        if regrasp.after != after:
+        path = plan.joint_path(self._next)
+        if self.graph.indices(plan.stances[self._next + 1]) != after:
             self._plan = None
             return None
         self._next += 1
-        joints, limb = self.joints.copy(), regrasp.limb
-        joints[limb] = regrasp.grasp_joints
+        joints, limb = self.joints.copy(), path.limb
+        joints[limb] = path.knots[-1, limb]
         reached = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
         branch_sets = tuple(
             reached.branch_sets[i] if i == limb else branch_set
             for i, branch_set in enumerate(self.state.branch_sets)
         )
-        return regrasp, State(after, branch_sets)
+        return path, State(after, branch_sets)
 
-    def _committed(self, reached: State) -> tuple[Regrasp, State] | None:
+    def _committed(self, reached: State) -> tuple[JointPath, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
         Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
-        regrasp, edge = self._regrasp(reached.stance)
-        for option in self._options(reached, regrasp.limb):
-            branches = (*regrasp.branches[:-1], bits_of(option.branch_sets[regrasp.limb])[0] & 7)
-            grasp_joints = graph.configuration(option)[2][regrasp.limb]
-            chosen = replace(regrasp, branches=branches, grasp_joints=grasp_joints)
+        ends, edge = self._ends(reached.stance)
+        for option in self._options(reached, ends.limb):
+            branches = (*ends.branches[:-1], bits_of(option.branch_sets[ends.limb])[0] & 7)
+            joints = np.stack([self.joints, graph.configuration(option)[2]])
+            chosen = replace(ends, branches=branches, joints=joints)
             committed = commit(graph, chosen, edge)
-            if committed is not None:
-                return committed.regrasp, option
+            if committed is not None and committed.path is not None:
+                return committed.path, option
         return None
 
-    def _regrasp(self, after: tuple[int, ...]) -> tuple[Regrasp, Edge]:
-        """Return the step to a stance without grasp branch and swing, and its edge."""
-        graph, state, joints = self.graph, self.state, self.joints
+    def _ends(self, after: tuple[int, ...]) -> tuple[StepEnds, Edge]:
+        """Return the ends of the step to a stance without grasp branch, and its edge."""
+        graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
         edge = graph.edge(state, after, postures)
         limb = moving_limb(state.stance, after)
         branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
-        regrasp = Regrasp(
+        ends = StepEnds(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            edge.path_kind, graph.pivot(state.stance, after), (*branches, branches[limb]),
-            joints, joints[limb], UNCHECKED_KNOTS,
+            (*branches, branches[limb]), np.stack([self.joints, self.joints]),
         )  # fmt: skip
-        return regrasp, edge
+        return ends, edge
 
     def _options(self, state: State, limb: int) -> list[State]:
         """Return the state with a limb on each of its branches, most successors first."""

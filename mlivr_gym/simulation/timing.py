@@ -14,9 +14,8 @@ from scipy.interpolate import PPoly
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.motion.path_segments import path_segments
+from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import OrNone
@@ -32,22 +31,18 @@ ROUNDING = 1e-6
 """Relative amount by which a given duration may fall short of the shortest one."""
 
 
-def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> TimedPath:
+def timed_path(path: JointPath, timing: Limits | Durations | None = None) -> TimedPath:
     """Return a step with a time scaling for each of its path segments.
 
     The timing is by default `Limits()`. Raises a `TimingError` if durations violate the default
-    limits, or `Limits.step_duration` is shorter than the limits allow, and a `PlanError` if a
-    support limb cannot follow the base.
+    limits, or `Limits.step_duration` is shorter than the limits allow.
     """
     limits = timing if isinstance(timing, Limits) else Limits()
-    segments = path_segments(path)
-    dynamics = [
-        segment_dynamics(path.graph.robot, path.regrasp, segment, limits) for segment in segments
-    ]
+    dynamics = [segment_dynamics(path, segment, limits) for segment in path.segments]
     if isinstance(timing, Durations):
-        scalings = timing.time_scalings(segments)
+        scalings = timing.time_scalings(path.segments)
         _check(dynamics, scalings, timing)
-        return TimedPath(path, segments, scalings)
+        return TimedPath(path, scalings)
     scalings = tuple(shortest_scaling(one, limits) for one in dynamics)
     shortest = sum(map(duration_of, scalings))
     if limits.step_duration is not None:
@@ -58,7 +53,7 @@ def timed_path(path: RegraspPath, timing: Limits | Durations | None = None) -> T
             )
         factor = limits.step_duration / shortest
         scalings = tuple(stretch(scaling, factor) for scaling in scalings)
-    return TimedPath(path, segments, scalings)
+    return TimedPath(path, scalings)
 
 
 def shortest_scaling(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
@@ -103,8 +98,8 @@ def step_trajectory(
     from 0. Raises a `PlanError` if the plan has no such step, or it cannot be followed inside the
     joint limits, and a `TimingError` if durations violate a limit.
     """
-    path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-    return trajectory(timed_path(path, timing), period)
+    timed = timed_path(plan.joint_path(index), timing)
+    return trajectory(graph.grasp_map, plan.stances[index : index + 2], timed, period)
 
 
 @checked({**ARGUMENTS, "timing": TIMING})

@@ -108,8 +108,7 @@ class CheckedSteps(ChangingWorld):
     def _releasable_steps(self, stances: StanceArrays, steps: Any, able: IntArray) -> IntArray:
         """Return the indices of steps whose limb can be released before and after them.
 
-        The releases of these limbs are then known; those of a single support limb too, since the
-        check of a step starts with the branches on which it can be released.
+        The releases of these limbs are then known.
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
@@ -121,15 +120,10 @@ class CheckedSteps(ChangingWorld):
                 able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
             else:
                 able = able[branches != 0]
-        if self.limbs > 2:
-            return able
-        rows = np.unique(np.concatenate([steps["before"][able], steps["after"][able]]))
-        every = np.stack(np.meshgrid(rows, np.arange(self.limbs), indexing="ij"), axis=-1)
-        self._check_releases(stances, every.reshape(-1, 2))
         return able
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """Return the edge of a step: its base path, its swing and the branches kept.
+        """Return the edge of a step: its way of the base, its swing and the branches kept.
 
         `posture` has the postures of both stances.
         """
@@ -142,7 +136,7 @@ class CheckedSteps(ChangingWorld):
             limb = int(steps["limb"][0])
             self._check_releases(stances, np.array([[0, limb], [1, limb]]))
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
-        return edge_of(steps[0])
+        return edge_of(steps[0], self.limbs)
 
 
 def join(*groups: Postures) -> Postures:

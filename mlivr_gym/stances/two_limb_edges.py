@@ -11,12 +11,15 @@ from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
-from mlivr_gym.transitions.edge import Edge
-from mlivr_gym.transitions.records import StanceArrays, StepRecord, WorldRecord
-from mlivr_gym.transitions.rule import kept_on_edge
+from mlivr_gym.transitions.records import (
+    STORED_ALONE,
+    STORED_FIRST,
+    StanceArrays,
+    StepRecord,
+    WorldRecord,
+)
 from mlivr_gym.transitions.step_check import StepChecks
 
 FLIPS_OF_FIRST = np.int64(0x0101)
@@ -60,20 +63,6 @@ class TwoLimbEdges:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
         return edge_indices(support, before, after, self.table)
 
-    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge:
-        """Return the edge of a step for the branches of the support limb; check it if unknown."""
-        self.check_steps(*(np.array([one]) for one in (support, before, after)))
-        entry = self.table.edges[self.index(support, before, after)]
-        on_arc = bool(kept_on_edge(branch_set, int(entry["on_arc"])))
-        kept = {support: int(kept_on_edge(branch_set, int(entry["kept"])))}
-        fold = (
-            -1
-            if entry["line_branches"] >= 0
-            else entry["fold_on_arc" if on_arc else "fold_on_line"]
-        )
-        path_kind = ARC if on_arc else STRAIGHT
-        return Edge(path_kind, int(fold), int(entry["line_branches"]), kept)
-
     @property
     def checked(self) -> IntArray:
         """Edges that were checked among obstacles: stances before and after, and index, (3, k)."""
@@ -113,16 +102,11 @@ class TwoLimbEdges:
         support, before, after = self._unknown(support, before, after)
         if not len(support):
             return
-        both = np.concatenate([before, after])
-        self.check_releases(np.stack([np.repeat(both, 2), np.tile([0, 1], len(both))], axis=1))
+        both, moving = np.concatenate([before, after]), np.tile(1 - support, 2)
+        self.check_releases(np.stack([both, moving], axis=1))
         steps = self._steps(support, before, after)
         self.checks.check(steps, self.stances, self._world)
-        found = TwoLimbEdge.rows(len(support))
-        found["known"] = 1
-        found["kept"] = steps["kept"][np.arange(len(support)), support]
-        found["on_arc"], found["line_branches"] = steps["on_arc"], steps["line_branches"]
-        found["fold_on_line"], found["fold_on_arc"] = steps["folds"].T
-        self._store(support, before, after, found)
+        self._store(support, before, after, _edges_of(steps, support))
 
     def _unknown(
         self, support: IntArray, before: IntArray, after: IntArray
@@ -144,8 +128,6 @@ class TwoLimbEdges:
         """Return rows of `StepRecord` to be checked, in half the time of `StepChecks.steps`."""
         steps, sets = StepRecord.rows(len(support)), self.stances.branch_sets
         steps["limb"], steps["before"], steps["after"] = 1 - support, before, after
-        held = self.table.points[before, support]
-        steps["pivot"] = self.checks.solver.grasps["point"][held]
         steps["branches"][:, :2] = sets[before] & sets[after]
         return steps
 
@@ -218,7 +200,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             return index, found
         edges = self.free.edges_among_obstacles
         before, after, index = stored = self.checked
-        lasts = self._stay_blocked(before, after, edges[index])
+        lasts = (edges["kept"][index] == 0) & self._stay_blocked(before, after, index)
         lasts = (lasts | ~(close[before] | close[after])) & (not everything)
         self._stored[:] = [stored[:, lasts]]
         forgotten = index[~lasts]
@@ -227,14 +209,15 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         edges[forgotten] = _as_bounds(self.free.table.edges[forgotten])
         return index, found
 
-    def _stay_blocked(self, before: IntArray, after: IntArray, edges: Any) -> BoolArray:
-        """Return which edges are blocked, and stay so among more obstacles, shape (k,).
+    def _stay_blocked(self, before: IntArray, after: IntArray, index: IntArray) -> BoolArray:
+        """Return which edges stay blocked among more obstacles if they are now, shape (k,).
 
         A motion that is blocked stays so. But a limb that can no longer fold may be released on
         another branch, from or to which its swing is clear.
         """
-        points, line = self.table.points, edges["line_branches"]
-        moving, lasts = np.argmax(points[before] != points[after], axis=1), edges["kept"] == 0
+        points, line = self.table.points, self.free.table.edges["line_branches"][index]
+        moving = np.argmax(points[before] != points[after], axis=1)
+        lasts = np.ones(len(index), dtype=np.bool_)
         for s, branch in (before, line // BRANCHES), (after, line % BRANCHES):
             release = self._before[s, moving]
             is_on_line = release["branches"] & (FLIPS_OF_FIRST << np.maximum(branch, 0)) != 0
@@ -325,13 +308,12 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             releases["known"][unknown] = False
         for _ in range(2):
             steps = support[able], before[able], after[able]
-            found["kept"][able] = self._kept(*steps, free[able], self._world)
+            found[able] = self._among(*steps, free[able], self._world, STORED_FIRST)
             able = able[found["kept"][able] != 0]
             ends = after[able], moving[able]
             assumed = releases["branches"][ends], releases["folds"][ends]
             now = self._released(*ends)
             able = able[(now[0] != assumed[0]) | (now[1] != assumed[1])]
-        found["on_arc"] &= found["kept"]
         self._store(support, before, after, found)
 
     def _changed_steps(
@@ -350,7 +332,8 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         found, steps = rows[place[known]], (support[known], before[known], after[known])
         for end in steps[1:]:
             self._released(end, 1 - steps[0])
-        same = self._kept(*steps, found, self._added) == found["kept"]
+        now = self._among(*steps, found, self._added, STORED_ALONE)
+        same = now["kept"] == found["kept"]
         self._store(steps[0][same], steps[1][same], steps[2][same], found[same])
         support, before, after = np.delete(np.stack([support, before, after]), known[same], axis=1)
         return support, before, after
@@ -361,24 +344,32 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         releases = self.stances.releases
         return releases["branches"][s, limb], releases["folds"][s, limb]
 
-    def _kept(
-        self, support: IntArray, before: IntArray, after: IntArray, free: Any, world: WorldRecord
-    ) -> IntArray:
-        """Return the branches that edges keep among the obstacles of a world, shape (k,).
+    def _among(
+        self, support: IntArray, before: IntArray, after: IntArray, stored: Any,
+        world: WorldRecord, recheck: int,
+    ) -> Any:  # fmt: skip
+        """Return the edges of steps among the obstacles of a world, rows of `TwoLimbEdge`, (k,).
 
-        What they keep without them is given by rows of `TwoLimbEdge`. The releases are those known
-        so far.
+        Known without them are those that are `stored`; for `recheck` see `StepRecord`. The releases
+        are those known so far.
         """
-        kept: IntArray = free["kept"].astype(np.int64)
+        found = stored.copy()
         close = np.flatnonzero(self.close[before] | self.close[after])
-        support, free = support[close], free[close]
+        support, stored = support[close], stored[close]
         steps, rows = self._steps(support, before[close], after[close]), np.arange(len(close))
-        steps["recheck"], steps["kept"][rows, support] = True, free["kept"]
-        steps["on_arc"], steps["line_branches"] = free["on_arc"], free["line_branches"]
-        steps["folds"][:, 0], steps["folds"][:, 1] = free["fold_on_line"], free["fold_on_arc"]
+        steps["recheck"], steps["kept"][rows, support] = recheck, stored["kept"]
+        steps["swings"], steps["line_branches"] = stored["swings"], stored["line_branches"]
         self.checks.check(steps, self.stances, world)
-        kept[close] = steps["kept"][rows, support]
-        return kept
+        found[close] = _edges_of(steps, support)
+        return found
+
+
+def _edges_of(steps: Any, support: IntArray) -> Any:
+    """Return the edges of checked steps, rows of `TwoLimbEdge`, shape (k,)."""
+    found = TwoLimbEdge.rows(len(steps))
+    found["known"], found["kept"] = 1, steps["kept"][np.arange(len(steps)), support]
+    found["swings"], found["line_branches"] = steps["swings"], steps["line_branches"]
+    return found
 
 
 def _as_bounds(edges: Any) -> Any:

@@ -1,7 +1,7 @@
 """Edges of two limbs, and the steps that leave a state along them (compiled).
 
 The edge table has a record for each ordered pair of stances of a row, which `TwoLimbGraph` fills on
-demand with the results of `transitions.steps`.
+demand with the results of `transitions.line_steps`.
 """
 
 from __future__ import annotations
@@ -21,18 +21,14 @@ class TwoLimbEdge(Record):
     """Edge from a stance to another one of the row of its support limb, once it is checked."""
 
     kept: Annotated[int, np.uint16]
-    """Branches and flips on which the support limb can follow; 0 if there is no edge."""
-    on_arc: Annotated[int, np.uint16]
-    """Those of them that need the arc."""
+    """Holds, branches and flips, on which the support limb has a clear line; 0 if there is no
+    edge."""
     known: Annotated[int, np.int8]
     """1 if the edge was checked."""
-    fold_on_line: Annotated[int, np.int8]
-    """Fold in which the swing limb can stay on the straight base path, -1 for none."""
-    fold_on_arc: Annotated[int, np.int8]
-    """The same on the arc."""
     line_branches: Annotated[int, np.int8]
-    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
-    -1."""
+    """Branches between which the other limb can swing along a line, `8 * before + after`, or -1."""
+    swings: Annotated[int, np.uint32]
+    """For each branch of the support, four bits with the code of its swing, see `line_steps`."""
 
 
 class TwoLimbTable(NamedTuple):
@@ -69,7 +65,7 @@ class TwoLimbTable(NamedTuple):
 
 @kernel
 def branches_kept(edge: TwoLimbEdge) -> int:
-    """Return the branches and flips on which the support limb can follow an edge."""
+    """Return the holds that the support limb keeps on an edge."""
     kept: Any = np.int64(edge.kept)
     return kept  # type: ignore[no-any-return]
 

@@ -1,7 +1,7 @@
 """Files of the complete table of two limbs.
 
 A table has every stance that two limbs can hold on a map and, if steps are checked, the result of
-the check of every edge: the branches kept, the kind of base path and the swing.
+the check of every edge: the holds that it keeps, and their swings.
 """
 
 from __future__ import annotations
@@ -94,10 +94,10 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
         edges, releases = edges.view(TwoLimbEdge.dtype), releases.copy().view(ReleaseRecord.dtype)
         every = (len(edges),)
         check_arrays(
-            (edges["fold_on_line"], every, -1, folds), (edges["fold_on_arc"], every, -1, folds),
             (edges["line_branches"], every, -1, BRANCHES * BRANCHES),
             (releases["root"], (n, 2), 0, folds), (releases["via"], (n, 2, BRANCHES), 0, folds),
             (releases["branches"], (n, 2), 0, ALL + 1), (releases["known"], (n, 2), 1, 2),
+            (releases["folds"], (n, 2), 0, 1 << folds),
         )  # fmt: skip
         # No step leads from a stance to itself in either of its rows.
         (unknown,) = np.flatnonzero(edges["known"] != 1)
@@ -136,5 +136,5 @@ def _each(edges: Any, index: NDArray[np.unsignedinteger]) -> Any:
     return out.view(TwoLimbEdge.dtype)
 
 
-TWO_LIMB_TABLES = TableFiles("pairs", 7, zipfile.ZIP_DEFLATED, encode, decode)
+TWO_LIMB_TABLES = TableFiles("pairs", 8, zipfile.ZIP_DEFLATED, encode, decode)
 """Files of complete tables of two limbs."""

@@ -38,7 +38,13 @@ from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.transitions.grasp_poses import folded, line_end
-from mlivr_gym.transitions.records import STORED_ALONE, StepContext, StepRecord, StepScratch
+from mlivr_gym.transitions.records import (
+    STORED_ALONE,
+    StepContext,
+    StepRecord,
+    StepScratch,
+    WorldRecord,
+)
 from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
 
 PLACES = 4
@@ -96,6 +102,15 @@ def set_line(
 
 
 @kernel
+def _wanted(step: StepRecord, context: StepContext) -> int:
+    """Return the holds of the support that a step asks for and that the stance after has."""
+    support = 1 - step.limb
+    if step.fixed:
+        return int(step.branches[support])
+    return int(step.branches[support] & context.stances.branch_sets[step.after, support])
+
+
+@kernel
 def check_alone(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Check a step of two limbs, and write the holds that its edge keeps into it.
 
@@ -104,9 +119,7 @@ def check_alone(step: StepRecord, context: StepContext, scratch: StepScratch) ->
     """
     stances, world = context.stances, context.world
     support, known = 1 - step.limb, step.recheck != 0
-    wanted = step.branches[support]
-    if not step.fixed:
-        wanted &= stances.branch_sets[step.after, support]
+    wanted = _wanted(step, context)
     if known:
         wanted &= step.kept[support]
     codes, line_branches = step.swings, step.line_branches
@@ -186,14 +199,16 @@ def _fold_of(
         return UNSERVED
     if step.recheck and has(folds, known):
         _set_fold(known, robot, moving, lines)
-        if is_clear(world.first, support, moving, context, lines):
+        if is_clear(world.first, support, moving, robot, world, lines):
             return known
-        if lines.is_leader or step.recheck == STORED_ALONE:
+        if lines.is_leader:
             return UNSERVED
+    if step.recheck == STORED_ALONE:
+        return UNSERVED
     for fold in range(robot.fold_count):
         if has(folds, fold) and not (step.recheck and fold == known):
             _set_fold(fold, robot, moving, lines)
-            if is_clear(0, support, moving, context, lines):
+            if is_clear(0, support, moving, robot, world, lines):
                 return fold
             if lines.is_leader:
                 return UNSERVED
@@ -215,7 +230,7 @@ def _on_lines(
 
     `known` is the only pair of branches that is looked at, -1 for all.
     """
-    lines, world = scratch.line, context.world
+    lines, robot, world = scratch.line, context.robots[0], context.world
     support, moving = 1 - step.limb, step.limb
     first_layer = world.first if step.recheck else EMPTY
     count = lines_by_travel(step, context, scratch)
@@ -233,7 +248,7 @@ def _on_lines(
                 continue
             branch, flip = bit % BRANCHES, bit // BRANCHES
             set_line(step, context, branch, flip, scratch)
-            if is_clear(first_layer, support, moving, context, lines):
+            if is_clear(first_layer, support, moving, robot, world, lines):
                 _keep(branch, flip, ON_LINE, step)
                 step.line_branches = pair
             elif lines.is_leader:
@@ -244,10 +259,15 @@ def _on_lines(
 
 @kernel
 def is_clear(
-    first_layer: int, support: int, moving: int, context: StepContext, lines: LineScratch
+    first_layer: int,
+    support: int,
+    moving: int,
+    robot: RobotModel,
+    world: WorldRecord,
+    lines: LineScratch,
 ) -> bool:
     """Return whether the robot is clear along the line in `lines`, in layers of the world."""
-    robot, world, compared = context.robots[0], context.world, lines.compared
+    compared = lines.compared
     compared.boxes = only(support) | only(moving)
     compared.holding, compared.base, compared.resting = only(support), YES, NO
     compared.first = moving
@@ -261,6 +281,29 @@ def is_clear(
         if check_line(robot, grid, world.thresholds[0].clearance, lines) != CLEAR:
             return False
     return True
+
+
+@entry
+def line_clear(support: int, moving: int, robots: Any, world: WorldRecord, lines: Any) -> bool:
+    """Return whether a robot of two limbs is clear along a line, in a row of `LineScratch`."""
+    return is_clear(world.first, support, moving, robots[0], world, lines[0])
+
+
+@entry
+def find_lines(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
+    """Check whether the support has a line on any hold, for steps from `start` to `stop` - 1.
+
+    This is quick. `StepRecord.kept` is not empty if it has, and has no other meaning.
+    """
+    for k in range(start, stop):
+        step, support = steps[k], 1 - steps[k].limb
+        wanted = _wanted(step, context)
+        step.kept[0] = step.kept[1] = EMPTY
+        for hold_number in range(2 * BRANCHES):
+            branch, flip = hold_number % BRANCHES, hold_number // BRANCHES
+            asked = step.kept[support] == 0 and has(wanted, hold_number)
+            if asked and set_line(step, context, branch, flip, scratch_rows[0]):
+                step.kept[support] = wanted
 
 
 @entry

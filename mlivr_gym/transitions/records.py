@@ -12,12 +12,12 @@ from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.motion import SweepScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.arm import JointAxes
 from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.transitions.departures import Departure
 
 STORED_ALONE, STORED_FIRST = 1, 2
 """Values of `StepRecord.recheck`."""
@@ -92,24 +92,22 @@ class StepRecord(Record):
     branches: Limbs
     """Branches that each support limb may be on."""
     fixed: bool
-    """Whether the limbs are on just these branches, so that none is preferred."""
+    """Whether the limbs are on just these branches, whichever the stance after has."""
     recheck: int
-    """0 if the edge is not known; `STORED_ALONE` if only the swings by which it is known are
-    checked, `STORED_FIRST` if they are checked first."""
+    """Of two limbs: 0 if the edge is not known; `STORED_ALONE` if only the swings by which it is
+    known are checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
-    on_arc: int
-    """The branches of a single support limb that need the arc."""
     path_kind: int
-    """Kind of the base path; for a single support limb see `on_arc`."""
-    folds: Annotated[IntArray, (2,), np.int64]
-    """Fold in which the limb can be moved on the straight base path and on the arc, -1 for none."""
-    line_branches: int
-    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
-    -1."""
+    """Of more limbs: kind of the base path."""
+    fold: int
+    """Of more limbs: fold in which the limb can be moved, -1 for none."""
     swings: int
     """Of two limbs: for each branch of the support, four bits with the code of its swing, see
     `line_steps`."""
+    line_branches: int
+    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
+    -1."""
 
 
 class StepScratch(Record):
@@ -124,10 +122,8 @@ class StepScratch(Record):
     """Branches on which each support limb can follow both kinds of base path."""
     can_follow_known: Annotated[IntArray, (2,), np.int64]
     """Whether these were computed."""
-    selected: Limbs
-    """Branches under check."""
     clear: Limbs
-    """Those of them that are clear of all that does not depend on the swing."""
+    """Branches that are clear of all that does not depend on the swing."""
     clear_of_swing: Limbs
     """Those of these that are clear of the swing limb."""
     q: Annotated[Rows[Angles], (2, BRANCHES)]
@@ -138,10 +134,11 @@ class StepScratch(Record):
     """Pairs of branches, those with the shortest line first."""
     travel: Annotated[Array, (BRANCHES * BRANCHES,)]
     """Lengths of these lines [rad]."""
+    departure: Departure
+    """Departure under check."""
     start: Angles
     """Joint angles at the start of a swing."""
     end: Angles
     """Joint angles at its end."""
-    axes: JointAxes
     group: Annotated[IntArray, (BRANCHES,), np.int64]
     """Group of branches, joined by lines, that each branch belongs to."""

@@ -18,12 +18,16 @@ from typing import Any
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import set_grasp_surface
-from mlivr_gym.collisions.placement import axis_of, place
+from mlivr_gym.collisions.compared import begin_comparing, copy_pending
+from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
+from mlivr_gym.collisions.intervals import check_around, check_line, check_pending
+from mlivr_gym.collisions.joint_lines import RESTING, place_limb
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
+    EVERY,
     NO,
-    YES,
+    NONE,
     both_flips,
     has,
     has_branch,
@@ -31,18 +35,12 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.base_path import resting
-from mlivr_gym.kinematics.families import branch_frames
-from mlivr_gym.kinematics.limb import flange_seen
-from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.transitions.grasp_poses import BEFORE, folded, lifted_branches, line_end
-from mlivr_gym.transitions.motions import (
-    compare_with,
-    is_clear,
-    set_base_motion,
-    set_departure,
-    swing_clear,
-)
+from mlivr_gym.kinematics.families import SINGULAR_TOO
+from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.limb import Angles, angles_at
+from mlivr_gym.kinematics.poses import Pose, vector
+from mlivr_gym.transitions.departures import set_departure
+from mlivr_gym.transitions.grasp_poses import folded, line_end
 from mlivr_gym.transitions.records import ReleaseRecord, StepContext, StepScratch
 
 
@@ -88,9 +86,7 @@ def release(
     stances, robot, world = context.stances, context.robots[0], context.world
     answer, base = stances.releases[s, limb], stances.base[s]
     arm, grasp = robot.limbs[limb], world.grasps[stances.points[s, limb]]
-    resting(scratch.path, base)
-    set_base_motion(scratch.sweep, scratch.path, 0.0, 0.0)
-    scratch.sweep.resting.count = 0
+    _rest(limb, base, layer, scratch)
     first = branch_set
     if layer == 0:
         for other in range(robot.limb_count):
@@ -101,14 +97,17 @@ def release(
     answer.branches = 0
     for attempt in range(2):
         rest = first if attempt == 0 else branch_set & ~first
-        if not rest:
-            continue
-        rest = lifted_branches(robot, arm, base, grasp, rest, BEFORE, scratch)
         for b in range(BRANCHES):
             if has_branch(rest, b):
-                _depart(limb, b, stances.points[s, limb], context, layer, scratch)
-                if not is_clear(robot, world, layer, scratch.sweep):
-                    rest = without_branch(rest, b)
+                departs = set_departure(arm, base, grasp, b, robot.lift, scratch.departure)
+                departs &= rest
+                rest = without_branch(rest, b)
+                if departs and _departs_clear(limb, grasp, context, layer, scratch):
+                    rest |= departs
+                    for j in range(6):
+                        scratch.q[0, b].q[j] = scratch.departure.knots[scratch.departure.pieces].q[
+                            j
+                        ]
         free |= rest
         if rest and (layer == 0 or known_folds):
             _fold(limb, rest, context, layer, scratch, answer)
@@ -120,30 +119,112 @@ def release(
 
 
 @kernel
-def _depart(
-    limb: int, branch: int, point: int, context: StepContext, layer: int, scratch: StepScratch
-) -> None:
-    """Set the departure of a limb from a point."""
-    grasp, inside, sweep = context.world.grasps[point], layer == 0, scratch.sweep
-    set_departure(sweep.motion.first, limb, branch, grasp)
-    set_departure(sweep.motion.second, limb, branch, grasp)
-    compare_with(sweep, YES, inside, inside, NO)
-    set_grasp_surface(sweep.surface, vector(grasp.point), vector(grasp.normal))
+def _rest(limb: int, base: Pose, layer: int, scratch: StepScratch) -> None:
+    """Set the base to rest, and what a limb is compared with in a layer of the world."""
+    line, compared = scratch.line.line, scratch.line.compared
+    line.leader = RESTING
+    for k in range(3):
+        line.base.position[k] = base.position[k]
+        for c in range(3):
+            line.base.rotation[k, c] = base.rotation[k, c]
+    inside = layer == 0
+    compared.boxes, compared.holding, compared.base = only(limb), EMPTY, NO
+    compared.itself = only(limb) if inside else EMPTY
+    compared.first, compared.second, compared.resting = limb, NONE, inside
+    scratch.line.resting.count = 0
+
+
+@kernel
+def _departs_clear(
+    limb: int, grasp: Grasp, context: StepContext, layer: int, scratch: StepScratch
+) -> bool:
+    """Return whether a limb keeps the clearance on the departure in `scratch`.
+
+    All pieces are looked at together first, around the knot in their middle; what is undecided
+    there is compared on fewer together, and at last on each.
+    """
+    robot, world = context.robots[0], context.world
+    grid, line = world.boxes if layer == 0 else world.obstacles, scratch.line
+    clearance, pieces = world.thresholds[0].clearance, scratch.departure.pieces
+    set_grasp_surface(line.surface, vector(grasp.point), vector(grasp.normal))
+    begin_comparing(robot, line.compared, line.pending)
+    first, last, clear = 0, pieces, True
+    while clear and first < pieces:
+        _set_around(limb, first, last, scratch)
+        copy_pending(line.pending, line.intervals[0])
+        line.intervals[0].middle = line.intervals[0].half = 0.5
+        if last == first + 1:
+            clear = check_pending(robot, grid, clearance, line) == CLEAR
+            first, last = last, pieces
+            continue
+        result = check_around(robot, grid, clearance, line)
+        clear = result <= UNDECIDED
+        if last - first == pieces:
+            copy_pending(line.intervals[0], line.pending)
+        if result == CLEAR:
+            first, last = last, pieces
+        else:
+            last = (first + last) // 2
+    line.surface.applies = False
+    return clear
+
+
+@kernel
+def _set_around(limb: int, first: int, last: int, scratch: StepScratch) -> None:
+    """Set a line whose ends are as far from its middle as knots of a departure, or to one piece."""
+    knots, line = scratch.departure.knots, scratch.line.line
+    middle = (first + last) // 2
+    for j in range(6):
+        a, b = knots[first].q[j], knots[last].q[j]
+        if last > first + 1:
+            q, away = knots[middle].q[j], 0.0
+            for k in range(first, last + 1):
+                away = max(away, abs(knots[k].q[j] - q))
+            a, b = q - away, q + away
+        line.first[limb].q[j], line.last[limb].q[j] = a, b
+
+
+@kernel
+def _line_clear(
+    limb: int, start: Angles, end: Angles, context: StepContext, layer: int, scratch: StepScratch
+) -> bool:
+    """Return whether a limb keeps the clearance on a line while all else is at rest."""
+    robot, world, line = context.robots[0], context.world, scratch.line.line
+    for j in range(6):
+        line.first[limb].q[j], line.last[limb].q[j] = start.q[j], end.q[j]
+    grid = world.boxes if layer == 0 else world.obstacles
+    return check_line(robot, grid, world.thresholds[0].clearance, scratch.line) == CLEAR
+
+
+@kernel
+def _place_held(s: int, limb: int, b: int, context: StepContext, scratch: StepScratch) -> bool:
+    """Place a limb that holds at a stance on a branch; return whether the branch exists."""
+    stances, arm = context.stances, context.robots[0].limbs[limb]
+    line, placed = scratch.line.line, scratch.line.placed[limb]
+    flange = context.world.grasps[stances.points[s, limb]].flange
+    q = line.first[limb].q
+    if not angles_at(arm, stances.base[s], flange, b, SINGULAR_TOO, q):
+        return False
+    for j in range(6):
+        line.last[limb].q[j] = q[j]
+    place_limb(arm, line, 0.0, 0.0, EVERY, placed)
+    return True
 
 
 @kernel
 def _add_resting(s: int, limb: int, context: StepContext, scratch: StepScratch) -> None:
     """Put a limb at rest on each branch on which it may hold at a stance."""
-    stances, robot, world = context.stances, context.robots[0], context.world
-    arm, others = robot.limbs[limb], scratch.sweep.resting
-    seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
-    placed, axes = scratch.sweep.first, scratch.axes
+    stances, others = context.stances, scratch.line.resting
     for b in range(BRANCHES):
-        if has_branch(stances.branch_sets[s, limb], b) and branch_frames(
-            arm.arm, seen, b, axes, placed.frames
-        ):
+        held = has_branch(stances.branch_sets[s, limb], b)
+        if held and _place_held(s, limb, b, context, scratch):
             others.limb[others.count] = limb
-            place(arm, placed.frames, others.shapes[others.count])
+            shapes, placed = others.shapes[others.count], scratch.line.placed[limb].in_body
+            for c in range(context.robots[0].limbs[limb].capsule_count):
+                for e in range(2):
+                    shapes.motion[c, e] = 0.0
+                    for k in range(3):
+                        shapes.ends[c, e, k] = placed.ends[c, e, k]
             others.count += 1
 
 
@@ -157,20 +238,16 @@ def _elbow_up(
     is closer to the surface. Twins have equal `w_m` and the same wrist; to keep one of them halves
     the work and costs few steps.
     """
-    stances, robot, world = context.stances, context.robots[0], context.world
-    arm, placed = robot.limbs[limb], scratch.sweep.first
-    seen, _ = flange_seen(arm, stances.base[s], world.grasps[stances.points[s, limb]].flange)
+    arm, ends = context.robots[0].limbs[limb], scratch.line.placed[limb].in_body.ends
     for b in range(0, BRANCHES, 2):
         if not (has_branch(branch_set, b) and has_branch(branch_set, b + 1)):
             continue
         lower = 0.0
         for side in range(2):
             height = 0.0
-            if branch_frames(arm.arm, seen, b + side, scratch.axes, placed.frames):
-                place(arm, placed.frames, placed.in_body)
+            if _place_held(s, limb, b + side, context, scratch):
                 for c in range(arm.capsule_count):
-                    a, e = axis_of(placed.in_body.ends, c)
-                    height += a[2] + e[2]
+                    height += ends[c, 0, 2] + ends[c, 1, 2]
             if side == 0:
                 lower = height
         branch_set = (
@@ -193,8 +270,7 @@ def _fold(
     The limb is above its point, with the joint angles `scratch.q[0]`. It folds through one fold, or
     through those that it can change to from there.
     """
-    robot, world = context.robots[0], context.world
-    recheck, sweep = layer > 0, scratch.sweep
+    robot, recheck = context.robots[0], layer > 0
     for root in range(robot.fold_count):
         if recheck and answer.root != root:
             continue
@@ -204,7 +280,7 @@ def _fold(
             if other == root or (recheck and not has(answer.folds, other)):
                 continue
             folded(robot, other, 0.0, scratch.end)
-            if swing_clear(robot, world, layer, limb, scratch.start, scratch.end, sweep):
+            if _line_clear(limb, scratch.start, scratch.end, context, layer, scratch):
                 changeable |= only(other)
         able = EMPTY
         for b in range(BRANCHES):
@@ -215,7 +291,7 @@ def _fold(
                 if not has(changeable, fold) or (recheck and answer.via[b] != fold):
                     continue
                 folded(robot, fold, q.q[5], scratch.end)
-                if swing_clear(robot, world, layer, limb, q, scratch.end, sweep):
+                if _line_clear(limb, q, scratch.end, context, layer, scratch):
                     able |= both_flips(b)
                     answer.via[b] = fold
                     break
@@ -232,7 +308,6 @@ def _connected_by_lines(
 
     Among obstacles it is the first branch alone.
     """
-    robot, world = context.robots[0], context.world
     group = scratch.group
     for a in range(BRANCHES):
         group[a] = a
@@ -246,7 +321,7 @@ def _connected_by_lines(
                 continue
             start = scratch.q[0, a]
             line_end(start, scratch.q[0, b], scratch.end)
-            if swing_clear(robot, world, layer, limb, start, scratch.end, scratch.sweep):
+            if _line_clear(limb, start, scratch.end, context, layer, scratch):
                 gone = group[b]
                 for c in range(BRANCHES):
                     if group[c] == gone:

@@ -16,6 +16,7 @@ from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.compiled.kernels import MOST_THREADS, in_parallel
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
+from mlivr_gym.transitions.line_steps import check_all_alone, find_lines
 from mlivr_gym.transitions.records import (
     ReleaseRecord,
     StanceArrays,
@@ -42,6 +43,7 @@ class StepChecks:
         """Check steps of the robot of `solver`."""
         self.solver = solver
         self.robots = solver.shapes.rows
+        self._is_alone = solver.robot.limbs == 2
         self._idle: list[Any] = []
         """Scratch that no check uses at present."""
 
@@ -113,13 +115,15 @@ class StepChecks:
         return steps
 
     def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:
-        """Return which steps the support limbs can follow on some base path, shape (k,)."""
-        self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
+        """Return for which steps the support limbs can move on some way of the base, shape (k,)."""
+        quick = find_lines if self._is_alone else check_supports
+        self._run(len(steps), quick, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Check steps between stances; the results are written into them."""
-        self._run(len(steps), check_all, steps, StepContext(stances, self.robots, world))
+        check = check_all_alone if self._is_alone else check_all
+        self._run(len(steps), check, steps, StepContext(stances, self.robots, world))
 
     def relax(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Write into steps the branches that they keep at most, see `relaxed_steps`."""

@@ -1,4 +1,4 @@
-"""The check of a step, for any number of limbs (compiled).
+"""The check of a step of three and more limbs (compiled); for two limbs see `line_steps`.
 
 On each base path, the straight one first, every support limb must be able to follow the base on a
 branch. The limb that moves is then checked in its folds, see `release`, with all branches of the
@@ -19,12 +19,11 @@ from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
     NONE,
-    any_flip,
     has,
     only,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, set_path
+from mlivr_gym.kinematics.base_path import STRAIGHT, set_path
 from mlivr_gym.kinematics.holding import held_branches
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import folded, line_end
@@ -75,17 +74,10 @@ def reset_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> Non
     """Clear the results of a step, and the limbs at rest."""
     scratch.sweep.resting.count = 0
     for path_kind in range(2):
-        # A known edge has the branches on which limbs can hold on either path.
-        scratch.can_follow_known[path_kind] = step.recheck
-        for i in range(robot.limb_count):
-            on_path = step.on_arc if path_kind == ARC else ~step.on_arc
-            scratch.can_follow[path_kind, i] = step.kept[i] & step.branches[i] & on_path
+        scratch.can_follow_known[path_kind] = False
     for i in range(robot.limb_count):
-        step.kept[i], scratch.selected[i] = 0, ALL
-    step.on_arc = 0
-    if not step.recheck:
-        step.path_kind, step.line_branches = STRAIGHT, -1
-        step.folds[0] = step.folds[1] = -1
+        step.kept[i] = 0
+    step.path_kind, step.line_branches, step.fold = STRAIGHT, -1, -1
 
 
 @kernel
@@ -94,14 +86,18 @@ def all_follow(
 ) -> bool:
     """Return whether all support limbs can follow a path; `scratch.can_follow` is filled once."""
     stances, robot, world = context.stances, context.robots[0], context.world
-    if not scratch.can_follow_known[path_kind]:
+    is_known = scratch.can_follow_known[path_kind]
+    if not is_known:
         scratch.can_follow_known[path_kind] = True
         set_step_path(path_kind, step, context, scratch)
-        floor = world.thresholds[0].floor * robot.characteristic_length**3
-        able = True
-        for i in range(robot.limb_count):
+    floor, able = world.thresholds[0].floor * robot.characteristic_length**3, True
+    for i in range(robot.limb_count):
+        if i == step.limb:
             scratch.can_follow[path_kind, i] = 0
-            if i != step.limb and able:
+            continue
+        if not is_known:
+            scratch.can_follow[path_kind, i] = 0
+            if able:
                 branch_set = step.branches[i]
                 if not step.fixed:
                     branch_set &= stances.branch_sets[step.after, i]
@@ -110,19 +106,8 @@ def all_follow(
                 scratch.can_follow[path_kind, i] = held_branches(
                     limb, flange, scratch.path, floor, branch_set, holding
                 )
-                able = scratch.can_follow[path_kind, i] != 0
-    return _each_follows(path_kind, step, robot, scratch)
-
-
-@kernel
-def _each_follows(
-    path_kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch
-) -> bool:
-    """Return whether every support limb can follow a path on a branch in `scratch.selected`."""
-    for i in range(robot.limb_count):
-        if i != step.limb and scratch.can_follow[path_kind, i] & scratch.selected[i] == 0:
-            return False
-    return True
+        able = able and scratch.can_follow[path_kind, i] != 0
+    return able
 
 
 @kernel
@@ -137,12 +122,8 @@ def set_step_path(
 
 @part
 def check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Check a step and write the result into it.
-
-    If the edge is known already, only its motion is checked, on the branches that it keeps.
-    """
+    """Check a step and write the result into it."""
     stances, robot, world = context.stances, context.robots[0], context.world
-    on_line = step.recheck and step.line_branches >= 0
     reset_step(step, robot, scratch)
     able = False
     for path_kind in range(2):
@@ -157,16 +138,9 @@ def check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     if before.branches == 0 or after.branches == 0:
         return
     folds = before.folds & after.folds
-    stages = 1 if step.recheck or step.fixed or robot.limb_count > 2 else 3
-    for stage in range(stages):
-        if not _any_kept(step, robot) and not on_line:
-            if stages > 1:
-                _set_stage(stage, step, context, scratch)
-            if folds:
-                _folded(step, context, folds, scratch)
-    if (on_line or not step.recheck) and not _any_kept(step, robot):
-        for i in range(robot.limb_count):
-            scratch.selected[i] = ALL
+    if folds:
+        _folded(step, context, folds, scratch)
+    if not _any_kept(step, robot):
         _on_lines(step, context, scratch)
 
 
@@ -180,68 +154,37 @@ def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
 
 
 @kernel
-def _set_stage(stage: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Select the branches of a single support limb that are checked, in three stages.
-
-    First those on which it can be released both before and after the step, since it grasped just
-    before or moves just after; then those on which it can be released once, then the others.
-    Several support limbs have a single stage: one that neither grasped just before nor moves just
-    after may be on any branch.
-    """
-    stances, robot = context.stances, context.robots[0]
-    for i in range(robot.limb_count):
-        # A branch that is clear with one flip is clear with the other.
-        first = any_flip(stances.releases[step.before, i].branches)
-        second = any_flip(stances.releases[step.after, i].branches)
-        if stage == 0:
-            scratch.selected[i] = first & second
-        elif stage == 1:
-            scratch.selected[i] = (first | second) & ~(first & second)
-        else:
-            scratch.selected[i] = ALL & ~(first | second)
-
-
-@kernel
 def _folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScratch) -> None:
     """Keep the branches of support limbs that are clear while the other limb is folded.
 
-    Without collision checks there are no folds. A single support limb may keep some branches along
-    the straight base path and others along the arc.
+    Without collision checks there are no folds.
     """
     robot, world = context.robots[0], context.world
-    alone = robot.limb_count == 2
     for path_kind in range(2):
-        for i in range(robot.limb_count):
-            if alone:
-                scratch.selected[i] &= ~step.kept[i]
         if not all_follow(path_kind, step, context, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[path_kind, i] & scratch.selected[i]
-        fold = NONE
+            scratch.clear[i] = scratch.can_follow[path_kind, i]
         if world.stop > 0:
             set_step_path(path_kind, step, context, scratch)
             set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            some = folds & only(step.folds[path_kind]) if step.recheck else folds
-            fold = _stays_folded(step, context, some, scratch)
-            if fold < 0 or not remove_collisions(ALL_SHAPES, step, context, scratch.clear, scratch):
+            step.fold = _stays_folded(step, context, folds, scratch)
+            if step.fold < 0 or not remove_collisions(
+                ALL_SHAPES, step, context, scratch.clear, scratch
+            ):
+                step.fold = NONE
                 continue
-        step.folds[path_kind] = fold
         _keep(path_kind, step, robot, scratch)
-        if step.fixed or not alone:
-            return
+        return
 
 
 @kernel
 def _keep(path_kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
     """Keep the branches in `scratch.clear`."""
-    if not _any_kept(step, robot):
-        step.path_kind = path_kind
+    step.path_kind = path_kind
     for i in range(robot.limb_count):
         if i != step.limb:
-            step.kept[i] |= scratch.clear[i]
-            if path_kind == ARC:
-                step.on_arc |= scratch.clear[i]
+            step.kept[i] = scratch.clear[i]
 
 
 @part
@@ -277,15 +220,13 @@ def _on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> N
         if not all_follow(path_kind, step, context, scratch):
             continue
         for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[path_kind, i] & scratch.selected[i]
+            scratch.clear[i] = scratch.can_follow[path_kind, i]
         set_step_path(path_kind, step, context, scratch)
         set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
         is_compared = False
-        for k in range(count if step.recheck else min(count, TRIES)):
+        for k in range(min(count, TRIES)):
             line_branches = scratch.order[k]
-            if (step.recheck and line_branches != step.line_branches) or not line_clear(
-                line_branches, step, context, scratch
-            ):
+            if not line_clear(line_branches, step, context, scratch):
                 continue
             if not is_compared:
                 # Only the comparison with the swing limb depends on the swing.

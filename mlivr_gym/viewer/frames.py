@@ -11,9 +11,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, path_shown
-from mlivr_gym.motion.path_segments import path_segments
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
@@ -103,10 +102,10 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     """Return the trajectory of a plan whose steps all take `STEP_TIME`, regardless of limits."""
     parts = []
     for index in range(len(plan.steps)):
-        path = RegraspPath(graph, planned_regrasp(graph, plan, index))
-        segments = path_segments(path)
-        scalings = Durations.of_step(STEP_TIME).time_scalings(segments)
-        parts.append(trajectory(TimedPath(path, segments, scalings), FRAME_TIME))
+        path = plan.joint_path(index)
+        timed = TimedPath(path, Durations.of_step(STEP_TIME).time_scalings(path.segments))
+        stances = plan.stances[index : index + 2]
+        parts.append(trajectory(graph.grasp_map, stances, timed, FRAME_TIME))
     return reduce(lambda before, after: after.after(before), parts)
 
 

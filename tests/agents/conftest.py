@@ -29,7 +29,7 @@ def one_thread():
 @pytest.fixture(scope="module")
 def env(small_map):
     """The small map without collisions, its steps from tables."""
-    return MlivrEnv(map=small_map, collisions=False, precompute=True)
+    return MlivrEnv(map=small_map, collisions=False)
 
 
 @pytest.fixture

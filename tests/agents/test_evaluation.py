@@ -34,7 +34,7 @@ def env(small_map):
 
 @pytest.fixture(scope="module")
 def table_env(small_map):
-    return MlivrEnv(map=small_map, collisions=False, precompute=True)
+    return MlivrEnv(map=small_map, collisions=False)
 
 
 def test_an_episode_that_is_cut_off_is_no_success(env):

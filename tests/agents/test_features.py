@@ -136,7 +136,7 @@ def test_features_tell_points_that_are_taken_and_their_risk(small_map):
 
 def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
     """From states of walks among racks, where some limbs that hold cannot depart."""
-    env = MlivrEnv(map=small_map, precompute=True)
+    env = MlivrEnv(map=small_map)
     rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
     for seed in range(10):
         env.reset(seed=seed)

@@ -153,7 +153,7 @@ class OneGoal:
 def test_goals_are_drawn_by_the_tasks_of_the_environment(env, small_map, short):
     """All samples have the one goal, in all rounds; nothing is learned if it is held out."""
     goal = env.graph.base_position[0]
-    own = MlivrEnv(map=small_map, collisions=False, precompute=True, tasks=OneGoal(goal))
+    own = MlivrEnv(map=small_map, collisions=False, tasks=OneGoal(goal))
     given = ImitationHyperparameters(**(short | {"updates": 1}))
     network = make_actor_critic(own, "mlp", {})
     imitation = Imitation(own, network, True, given, 0)

@@ -36,7 +36,7 @@ def test_a_long_walk_goes_to_the_best_stance_not_yet_visited_in_its_episode(ladd
     A stance counts as new if it was visited in an earlier episode only, or before a point became
     occupied, since the walk may then have to go back.
     """
-    env = MlivrEnv(map=ladder, collisions=False, precompute=True)
+    env = MlivrEnv(map=ladder, collisions=False)
     policy, m = LearnedPolicy(make_actor_critic(env, "mlp", {}), "mlp"), len(env.graph.grasp_map)
     scores = np.random.default_rng(0).permutation(2 * m)
     told = torch.tensor(scores[None], dtype=torch.float32)

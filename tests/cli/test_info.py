@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-from map_data import BRIDGE
 from scipy.sparse.csgraph import connected_components
 
 from mlivr_gym import stance_graph
@@ -39,15 +38,3 @@ def test_every_count_of_the_stance_graph_is_that_of_its_stances(run, tmp_path, l
     assert told["stances"] == len(points)
     assert sum(left_out.values()) == told["pairs_within_span"] - len(points)
     assert left_out["reach"] == told["pairs_within_span"] - told["stances_reachable"]
-
-
-def test_critical_points_and_rails_are_listed(run, tmp_path):
-    file = tmp_path / "bridge.json"
-    file.write_text(json.dumps(BRIDGE))
-    words = ("info", "--map", str(file), "--no-transitions", "--no-manipulability", "--critical")
-    told = json.loads(run(*words, "--json")[1])
-    loss = told["critical_points"][0]
-    assert loss["id"] == "R2:0"
-    assert told["critical_rails"][0]["points"] == ["R2:0"]
-    text = run(*words)[1]
-    assert f"  R2:0: {loss['stances']} stances hold it, {loss['cut_off']} cut off\n" in text

@@ -74,7 +74,7 @@ def interrupted(tmp_path):
         ("script", "mlivr_gym.cli.examples"),
         ("module", "mlivr_gym.cli.plan"),
         ("script", "numba"),
-        ("module", "mlivr_gym.planners.corridor"),
+        ("module", "mlivr_gym.planners.planner"),
         ("module", "the end"),
     ],
 )

@@ -13,7 +13,6 @@ from mlivr_gym.cli.main import _parser
 from mlivr_gym.fastest import step_reactions
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.corridor import plan_in_corridor
 from mlivr_gym.robot.cargo import Cargo
 
 
@@ -171,7 +170,7 @@ def test_a_map_of_points_alone_has_nothing_to_collide_with(run, tmp_path, ladder
     path, told = tmp_path / "points.csv", "map 'points' has no boxes: nothing is known to collide"
     path.write_text(POINTS)
     task = f"--map {path} --start P1 P5 --goal 1.3 0 0.65"
-    for line in (f"plan {task}", f"info --map {path}", f"reach --map {path} --start P1 P5"):
+    for line in (f"plan {task}", f"info --map {path}"):
         assert told in run(line)[1]
     box = "--box 9 9 9 10 10 10"
     for line in (f"plan {task} --no-collisions", f"plan {task} {box}", f"info --map {ladder_file}"):
@@ -201,17 +200,3 @@ def test_boxes_and_occupied_points_change_the_plan_and_stay_in_its_file(run, tmp
     round_it = plan("--occupied", taken, other)
     assert round_it.world.occupied == tuple(sorted([taken, other], key=jem.index))
     assert not any(taken in stance for stance in round_it.stances)
-
-
-def test_a_plan_in_a_corridor_is_that_of_the_library(run, tmp_path, jem):
-    file = tmp_path / "plan.json"
-    start = ("D2a:4", "D2b:4")
-    words = ["--start", *start, "--goal", "6.0", "0", "0.42", "--cost", "steps", "--corridor"]
-    code, text, _ = run("plan", *words, "--occupied", "D3a:3", "--out", str(file))
-    assert code == 0
-    found = plan_in_corridor("jem", start, (6.0, 0.0, 0.42), occupied=["D3a:3"])
-    assert f"stances of {len(found.graph.grasp_map)} points were computed\n" in text
-    assert Plan.load(file, jem).stances == found.result.unwrap().stances
-    bound = found.result.plan.statistics.bound
-    assert bound > 1.0
-    assert f"proved to be at most {bound:.3f} times the minimum" in text

@@ -9,7 +9,7 @@ plan --cost fast                              : --cost is 'fast'; valid choices 
 plan --cost weighted                          : regrasp_price
 plan --robot robocop                          : 'robocop'
 plan --robot mlivr2-iiwa --held-joint joint2  : --held-joint has no effect with --robot mlivr2-iiwa
-info --robot mlivr3 --critical                : --critical needs two limbs; robot 'mlivr3' has 3
+plan --robot mlivr3 --suggest                 : --suggest needs two limbs; robot 'mlivr3' has 3
 info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
 plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold
 info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
@@ -18,10 +18,6 @@ plan --map uslab --unit mm                    : --unit mm needs the file of a ma
 plan --map my.csv --unit km                   : --unit is 'km'; valid choices are 'm', 'mm'
 plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist
-reach --start D2a:4 D2b:4 --most-steps -3       : --most-steps is -3
-plan --corridor                               : --corridor needs --start and --goal
-plan --start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --refined : --refined has no effect
-plan --start D2a:4 D2b:4 --goal 6 0 0.42 --corridor --cost time : leave out --corridor
 plan --cost reaction --refined                : --refined has no effect with --cost reaction
 plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
 plan --no-collisions --clearance 0.1          : --clearance has no effect

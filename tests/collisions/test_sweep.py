@@ -34,6 +34,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
 from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.sweep import set_joints
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_poses
 from mlivr_gym.kinematics.limb import angles_at
 from mlivr_gym.kinematics.poses import pose
@@ -309,3 +310,13 @@ def test_no_thin_plate_is_skipped():
             clear += 1
             assert case.least(RULER.only(case.compared).among([plate]), 0.05)[0][0] >= 0.02 - 1e-9
     assert clear > 5
+
+
+def test_joint_angles_at_a_corner_are_those_of_its_curve():
+    rng = np.random.default_rng(0)
+    knots = rng.normal(size=(3, 7))
+    scratch, q = motion(REST, (0.0, 1.0), swinging(0, knots[0, 1:], knots[2, 1:])), np.zeros(6)
+    round_corner(scratch, 0.5, knots[1, 1:])
+    for t in np.linspace(0.0, 1.0, 9):
+        assert called(set_joints)(SHAPES.robot, scratch["motion"]["first"], t, scratch, q)
+        np.testing.assert_allclose(q, at_corner(*knots, np.array([t]))[0, 1:], atol=1e-12)

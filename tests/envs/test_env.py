@@ -85,9 +85,7 @@ def physical_env():
     return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
 
 
-@pytest.mark.parametrize(
-    "change", [{"transitions": False}, {"precompute": True}, {"grasp_failure": np.arange(38) / 380}]
-)
+@pytest.mark.parametrize("change", [{"transitions": False}, {"grasp_failure": np.arange(38) / 380}])
 def test_what_does_not_go_together_with_simulated_steps_is_refused(small_map, change):
     given = {"map": small_map, "collisions": False, **change}
     MlivrEnv(**given)

@@ -40,7 +40,7 @@ def test_what_copies_cannot_do_is_named(small_map):
     for words, change in (
         ("takes no render_mode", {"render_mode": "rgb_array"}),
         ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
-        ("the vector environment need dynamics='kinematic'", {"dynamics": "mujoco"}),
+        ("the vector environment needs dynamics='kinematic'", {"dynamics": "mujoco"}),
     ):
         with pytest.raises(SettingError, match=words):
             MlivrVectorEnv(**({"num_envs": 1, "map": small_map, "collisions": False} | change))

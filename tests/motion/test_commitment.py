@@ -1,4 +1,4 @@
-"""Plans can be executed: grasps, base paths, thresholds and joint limits."""
+"""Plans can be executed: grasps, joint paths, thresholds and joint limits."""
 
 from collections import Counter
 from dataclasses import replace
@@ -12,9 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
-from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.link_frames import link_frames
@@ -41,15 +39,8 @@ def test_a_plan_can_be_executed(jem, small_map, limbs, seed):
             lambda q: link_frames(robot.limb, q)[6], 1e-6,
         )  # fmt: skip
     for k, step in enumerate(plan.steps):
-        ends = []
-        for j in (k, k + 1):
-            ends += [
-                plan.motion.base_positions[j],
-                Rotation.from_quat(plan.motion.base_quaternions[j], scalar_first=True).as_matrix(),
-            ]
-        kind = {"straight": 0, "arc": 1}[step.path]
-        path = base_path(pose(*ends[:2]), pose(*ends[2:]), kind, np.array(step.pivot))
-        positions, rotations = base_poses(path, np.linspace(0, 1, 80))
+        moved = plan.joint_path(k).samples(60)
+        turns = Rotation.from_quat(moved.base_quaternions, scalar_first=True).as_matrix()
         for i in range(limbs):
             if i == step.limb:
                 assert plan.stances[k][i] == step.from_point
@@ -58,8 +49,8 @@ def test_a_plan_can_be_executed(jem, small_map, limbs, seed):
             assert plan.stances[k][i] == plan.stances[k + 1][i]
             q = track(
                 plan.motion.joint_positions[k, i],
-                positions,
-                rotations,
+                moved.base_positions,
+                turns,
                 grasp_map,
                 robot,
                 i,
@@ -109,7 +100,7 @@ def test_unchecked_plans_do_without_joint_limits(small_map):
         .unwrap()
     )
     assert np.isfinite(plan.motion.joint_positions).all()
-    assert {step.path for step in plan.steps} == {"unchecked"}
+    assert {step.swing for step in plan.steps} == {"unchecked"}
 
 
 def random_walk(graph, rng, count):
@@ -130,14 +121,19 @@ def check_walk(graph, states):
     assert (motion.joint_positions >= low - 1e-5).all()
     assert (motion.joint_positions <= high + 1e-5).all()
     for k, step in enumerate(motion.steps):
-        knots = np.array(step.knots)[:, 1:]
-        assert len(knots) == {"direct": 2, "over": 3}.get(step.swing, len(knots))
-        assert (knots >= low - 1e-5).all()
-        assert (knots <= high + 1e-5).all()
-        after = motion.joint_positions[k + 1, step.limb]
-        # From above the point the limb comes down without a whole turn.
-        assert np.abs(knots[-1] - after).max() < np.pi
-        assert np.abs(knots[0] - motion.joint_positions[k, step.limb]).max() < np.pi
+        path = motion.joint_path(graph.robot, k)
+        np.testing.assert_allclose(path.knots[0], motion.joint_positions[k], atol=1e-7)
+        np.testing.assert_allclose(path.knots[-1], motion.joint_positions[k + 1], atol=1e-7)
+        assert (path.knots >= low - 1e-5).all()
+        assert (path.knots <= high + 1e-5).all()
+        # From above a point the limb comes down without a whole turn.
+        for end in (slice(path.rests[1] + 1), slice(path.rests[-2], None)):
+            assert np.abs(np.diff(path.knots[end], axis=0)).sum(axis=0).max() < np.pi
+        if step.swing == "direct":
+            swing = path.knots[path.rests[1] : path.rests[2] + 1, step.limb]
+            turn = swing[-1] - swing[0]
+            share = (swing - swing[0]) @ turn / (turn @ turn)
+            np.testing.assert_allclose(swing, swing[0] + share[:, None] * turn, atol=1e-9)
     return motion
 
 

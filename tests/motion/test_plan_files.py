@@ -31,22 +31,15 @@ FAULTS = [
     (("branches", 1), [1], "branches"),
     (("steps", 0, "limb"), 5, r"steps\[0\].limb is 5; .* from 0 to 1"),
     (("steps", 0, "limb"), 1, "does not lead from"),
+    (("steps", 0, "leader"), 0, r"steps\[0\]\.leader is 0, the limb that moves"),
     (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),
-    (("steps", 0, "knots", 1, 3), 1e300, r"knots\[1\]\[3\] is 1e.300; it must be from -100 to 100"),
-    (("steps", 0, "knots", 0, 0), 0.7, "rise from 0 to 1"),
-    (("steps", 0, "knots"), [[s, *6 * [0.0]] for s in (0.0, 0.7, 0.3, 1.0)], "rise from 0 to 1"),
-    (("steps", 0, "rounded"), [], r"steps\[0\].rounded has 0 corners for \d knots"),
-    (("steps", 0, "rounded", 0), [0.5, 0.0], "both fractions of a corner or none"),
-    (("steps", 0, "rounded", 0), [0.5, 0.5], "must be 0 at both ends"),
-    (
-        ("steps", 0),
-        lambda step: (
-            step
-            | {"knots": [[s, *6 * [0.0]] for s in (0.0, 0.3, 0.7, 1.0)]}
-            | {"rounded": [[0.0, 0.0], [1.0, 0.6], [0.5, 1.0], [0.0, 0.0]]}
-        ),
-        "share each line between its two corners",
-    ),
+    (("steps", 0, "knots", 1, 1, 3), 1e300, r"knots\[1\]\[1\]\[3\] is 1e.300; .* -100 to 100"),
+    (("steps", 0, "rests", 0), 1, r"steps\[0\]\.rests must rise from 0 to \d+, the number"),
+    (("steps", 0, "rests", -1), 1000, "rests must rise from 0"),
+    (("steps", 0, "rests", 2), 0, "rests must rise from 0"),
+    (("steps", 0, "rests"), lambda rests: [0, rests[-1]], "rests must rise from 0"),
+    (("steps", 0, "rests", 1), 0.5, r"rests\[1\] is 0\.5"),
+    (("steps", 0), lambda step: step | {"rests": [], "knots": []}, "rests must rise from 0"),
     (("base_quaternions", 0), [0, 0, 0, 0], r"base_quaternions\[0\] has length 0; it must be 1"),
     (("base_positions", 0, 0), 1e300, r"base_positions\[0\]\[0\] .* millimetres"),
     (("joint_positions", 0, 0, 0), float("nan"), "joint_positions"),

@@ -1,18 +1,15 @@
 import csv
 from dataclasses import replace
-from itertools import pairwise
 
 import mujoco
 import numpy as np
 import pytest
 import yaml
-from limb_motions import at_corner, eased
-from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import PlanError, SettingError
-from mlivr_gym.motion.path_segments import path_segments
-from mlivr_gym.motion.regrasp import PHASES, RegraspPath, planned_regrasp
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
@@ -95,6 +92,7 @@ def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
 
 
 def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
+    """Within 0.2 mm, as their lines are checked."""
     step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.1)
     limb = plan.steps[0].limb
     for phase, point in ((0, plan.steps[0].from_point), (2, plan.steps[0].to_point)):
@@ -104,79 +102,47 @@ def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, s
             position, rotation = grasp(scene, step, k, limb)
             offset = position - jem.positions[index]
             heights.append(offset @ jem.normals[index])
-            np.testing.assert_allclose(offset, heights[-1] * jem.normals[index], atol=1e-6)
-            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=1e-6)
+            assert np.linalg.norm(offset - heights[-1] * jem.normals[index]) < 2e-4
+            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=4e-4)
         assert max(heights) == pytest.approx(plan.world.robot.lift, abs=1e-3)
         assert min(heights) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_swings_that_were_checked_are_kept_exactly(checked_graph, plan):
-    """Every configuration of the swing lies on a line between two knots or on a rounded corner.
-
-    That is the convex combination of its ends and its corner with the weights of
-    `collisions.sweep`.
-    """
-    off, rounded = [], 0
-    for index, planned in enumerate(plan.steps):
-        step = step_trajectory(checked_graph, plan, index, Durations(), period=0.05)
-        knots, corners = np.array(planned.knots)[:, 1:], np.array(planned.rounded)
-        curves = [(a, 0.5 * (a + b), b, False) for a, b in pairwise(knots)]
-        for k in np.flatnonzero(corners[:, 0]):
-            into, out = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
-            ends = knots[k] - corners[k, 0] * into, knots[k] + corners[k, 1] * out
-            curves.append((ends[0], knots[k], ends[1], True))
-            rounded += 1
-        for q in step.joint_positions[step.phase == 1, planned.limb]:
-            off.append(min(distance_from(q, *curve) for curve in curves))
-    assert rounded > 0
-    assert max(off) < 1e-9
-
-
-def distance_from(q, first, corner, last, rounded):
-    """Largest difference of joint angles from the place of a line or corner that is like them."""
-    if not rounded:
-        share = np.clip((q - first) @ (last - first) / ((last - first) @ (last - first)), 0.0, 1.0)
-        return np.abs(first + share * (last - first) - q).max()
-    sides = np.column_stack([first - corner, last - corner])
-    after = np.clip(np.linalg.lstsq(sides, q - corner)[0][1], 0.0, 1.0)
-    t = brentq(lambda t: eased(t) - after, 0.0, 1.0, xtol=1e-15)
-    return np.abs(at_corner(first, corner, last, np.array([t]))[0] - q).max()
-
-
-def test_swings_that_were_not_checked_are_straight_where_they_can_be(graph, scene):
+def test_swings_that_were_not_checked_are_straight_where_they_can_be(jem, scene):
+    """The paper's motion: the gripper and, by a quintic, the base on a line; sampled."""
+    graph = stance_graph(jem, settings=Settings(collisions=False, transitions=False))
     plan = Planner(graph).plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "base").unwrap()
     limits, straight = graph.robot.limb.limits, 0
     for index, step in enumerate(plan.steps):
-        path = RegraspPath(graph, planned_regrasp(graph, plan, index))
         trajectory = step_trajectory(graph, plan, index, Durations(), period=0.1)
         q = trajectory.joint_positions
         assert (q >= limits[:, 0] - 1e-6).all()
         assert (q <= limits[:, 1] + 1e-6).all()
         assert np.abs(np.diff(q, axis=0)).max() < 0.2
-        if path.in_task_space:
-            straight += 1
-            way = np.array(
-                [
-                    grasp(scene, trajectory, k, step.limb)[0]
-                    for k in np.flatnonzero(trajectory.phase == 1)
-                ]
-            )
-            along = (way[-1] - way[0]) / np.linalg.norm(way[-1] - way[0])
-            off = (way - way[0]) - np.outer((way - way[0]) @ along, along)
-            assert np.abs(off).max() < 1e-6
+        chosen = np.flatnonzero(trajectory.phase == 1)
+        share = quintic(30.0)(trajectory.times[chosen] - 10.0)[:, None]
+        first, last = plan.motion.base_positions[index : index + 2]
+        base = first + share * (last - first)
+        np.testing.assert_allclose(trajectory.base_positions[chosen], base, atol=1e-4)
+        places = np.array([grasp(scene, trajectory, k, step.limb)[0] for k in chosen])
+        along = (places[-1] - places[0]) / np.linalg.norm(places[-1] - places[0])
+        off = (places - places[0]) - np.outer((places - places[0]) @ along, along)
+        straight += np.abs(off).max() < 1e-4
     assert straight > 0
 
 
-def _with_joints(plan, joints):
-    return replace(plan, motion=replace(plan.motion, joint_positions=joints))
+def with_knots(plan, knots):
+    steps = (replace(plan.steps[0], knots=knots), *plan.steps[1:])
+    return replace(plan, motion=replace(plan.motion, steps=steps))
 
 
 def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
-    beyond = plan.motion.joint_positions.copy()
-    held = 1 - plan.steps[0].limb
-    beyond[:, held, 0] += 4.0 * np.pi
+    beyond = np.array(plan.steps[0].knots)
+    beyond[:, 1 - plan.steps[0].limb, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):
-        step_trajectory(checked_graph, _with_joints(plan, beyond), 0, period=0.1)
+        step_trajectory(checked_graph, with_knots(plan, beyond.tolist()), 0, period=0.1)
+    with pytest.raises(PlanError, match="step 0 has no joint path"):
+        step_trajectory(checked_graph, with_knots(plan, ()), 0, period=0.1)
     with pytest.raises(PlanError, match=f"no step {len(plan.steps)}"):
         step_trajectory(checked_graph, plan, len(plan.steps))
     for period, words in ((50.0, "period is 50"), (1e-9, "has more than 1000000 samples")):
@@ -312,8 +278,7 @@ def test_a_motion_that_turns_back_follows_its_path_to_the_start(
 
 
 def test_the_segments_of_a_swing_share_its_time_by_the_roots_of_their_travels(checked_graph, plan):
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, plan, 0))
-    segment = path_segments(path)[1]
+    segment = plan.joint_path(0).segments[1]
     there = np.zeros((4, 2, 6))
     there[:, 1, 2], there[:, 0, 4] = (0.0, 1.0, -1.0, 0.0), (0.0, 0.5, 1.0, 1.5)
     back = replace(segment, joints=there)

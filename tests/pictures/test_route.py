@@ -1,19 +1,17 @@
 """What a scene holds of a plan: base path, goal, footholds; and what is pale."""
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
 
-from mlivr_gym.kinematics.base_path import PATH_KINDS
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
 from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_paths, plan_base_path
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compile_spec, rgba, scene_spec
+from mlivr_gym.simulation.timing import step_trajectory
 
 
 def geoms(scene, kind):
@@ -24,17 +22,13 @@ def scene_of(graph, most=2000):
     return mujoco.MjvScene(compile_spec(scene_spec(graph.grasp_map, graph.robot)), most)
 
 
-@pytest.mark.parametrize("kind", PATH_KINDS)
-def test_the_base_path_is_the_one_that_is_walked(checked_graph, plan, kind):
-    """Also of an arc: the walk's own code says where the base is."""
-    steps = tuple(replace(step, path=kind) for step in plan.steps)
-    same = replace(plan, motion=replace(plan.motion, steps=steps))
-    share, bent = np.linspace(0.0, 1.0, 7), []
-    for k, found in enumerate(base_paths(same, 7)):
-        path = RegraspPath(checked_graph, planned_regrasp(checked_graph, same, k))
-        np.testing.assert_allclose(found, path.base(share)[0], atol=1e-12)
-        bent.append(np.linalg.norm(found[3] - 0.5 * (found[0] + found[-1])))
-    assert (max(bent) > 0.01) == (kind == "arc")
+def test_the_base_path_is_the_one_that_is_walked(checked_graph, plan):
+    """The trajectory that is executed is on it, from stance to stance."""
+    for k, found in enumerate(base_paths(plan)):
+        np.testing.assert_allclose(found[[0, -1]], plan.motion.base_positions[k : k + 2], atol=1e-6)
+        walked = step_trajectory(checked_graph, plan, k, Durations(), 0.1).base_positions
+        away = np.linalg.norm(walked[:, None] - found[None], axis=2).min(axis=1)
+        assert away.max() < 0.6 * np.linalg.norm(np.diff(found, axis=0), axis=1).max()
 
 
 def test_path_goal_and_footholds_are_in_the_scene(checked_graph, plan):

@@ -8,7 +8,6 @@ from wrist_arms import pinocchio_wrist_arm
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import RobotError, SettingError
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.planners import Planner
 from mlivr_gym.world.boxes import Box
 
@@ -51,11 +50,10 @@ def test_every_posture_of_a_plan_has_the_failed_joints_at_their_angles(iiwas, st
     again = Planner(iiwas).plan(start, goal, "steps", **pose, **options).unwrap()
     assert again.actions == plan.actions
     robot = plan.world.robot
-    after = stance_graph(iiwas.grasp_map, robot, SETTINGS)
     np.testing.assert_allclose(every_angle(robot, plan.configuration(0)[2]), present, atol=1e-6)
     assert len(plan.steps) > 1
     for k in range(len(plan.steps)):
-        motion, stances = step_motion(after, plan, k, 12), plan.stances[k : k + 2]
+        motion, stances = plan.joint_path(k).samples(12), plan.stances[k : k + 2]
         kept = [a if a == b else None for a, b in zip(*stances, strict=True)]
         rows = motion.base_positions, motion.base_quaternions, motion.joint_positions
         for place, turn, angles in zip(*rows, strict=True):

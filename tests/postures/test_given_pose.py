@@ -15,7 +15,6 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.planners import planner as planner_module
@@ -96,7 +95,7 @@ def from_pose(checked_graph, pose):
 
 def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pose, from_pose):
     graph, plan = checked_graph, from_pose
-    motion = step_motion(graph, plan, 0, 12)
+    motion = plan.joint_path(0).samples(12)
     np.testing.assert_allclose(motion.base_positions[0], pose[:3], atol=1e-9)
     geometry = {i: p for i, p in enumerate(graph.indices(START)) if i != plan.steps[0].limb}
     swinging = motion.phase == 1
@@ -119,7 +118,7 @@ def test_given_joint_angles_are_kept(checked_graph, pose, from_pose):
     assert (plan.motion.joint_positions >= limits[:, 0] - 1e-6).all()
     assert (plan.motion.joint_positions <= limits[:, 1] + 1e-6).all()
     for k, step in enumerate(plan.steps):  # while a limb holds its angles are continuous
-        motion = step_motion(graph, plan, k, 30)
+        motion = plan.joint_path(k).samples(30)
         holder = 1 - step.limb
         assert np.abs(np.diff(motion.joint_positions[:, holder], axis=0)).max() < 0.6
         np.testing.assert_allclose(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from pinocchio_loads import loads_of
 
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import duration_of, quintic
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.simulation.limits import PACES, Limits
@@ -18,18 +17,19 @@ LOOSE = Limits(1.0, 1.0, 1e5, 1e5, 10.0)
 """So that a limit that is tightened decides alone."""
 
 TIGHT = {
-    "torque": 0.02, "speed": 0.05, "grasp_force": 0.5, "grasp_torque": 0.2, "surface_speed": 0.01,
+    "torque": 0.02, "speed": 0.03, "grasp_force": 0.5, "grasp_torque": 0.2, "surface_speed": 0.01,
 }  # fmt: skip
 """Limits that decide for a whole step; the speed of a gripper does near the surface alone."""
 
 
-def shares_of_limits(path, limits):
+def shares_of_limits(grasp_map, walk, limits):
     """The largest share of each limit in each segment of a step, by name, from its positions."""
-    timed, robot, limb = timed_path(path, limits), path.graph.robot, path.regrasp.limb
-    walk = trajectory(timed, timed.duration / 3000)
-    loads = loads_of(robot, walk, [i for i in range(robot.limbs) if i != limb])
+    path, stances = walk.joint_path(2), walk.stances[2:4]
+    timed, robot, limb = timed_path(path, limits), path.robot, path.limb
+    moved = trajectory(grasp_map, stances, timed, timed.duration / 3000)
+    loads = loads_of(robot, moved, [i for i in range(robot.limbs) if i != limb])
     force, torque = (np.linalg.norm(loads.wrenches[..., k : k + 3], axis=2) for k in (0, 3))
-    at_ends = np.isin(walk.phase[1:-1], [0, 2])
+    at_ends = np.isin(moved.phase[1:-1], [0, 2])
     shares = {
         "torque": np.abs(loads.torques / robot.torque_limits.reshape(-1, 6)) / limits.torque,
         "speed": np.abs(loads.speeds / robot.speed_limits.reshape(-1, 6)) / limits.speed,
@@ -37,23 +37,22 @@ def shares_of_limits(path, limits):
         "grasp_torque": torque / limits.grasp_torque,
         "surface_speed": loads.grippers[:, limb] * at_ends / limits.surface_speed,
     }
-    part = np.searchsorted(timed.ends / timed.duration, walk.times[1:-1] / walk.times[-1])
+    part = np.searchsorted(timed.ends / timed.duration, moved.times[1:-1] / moved.times[-1])
     return {
-        name: np.array([values[part == k].max() for k in range(len(timed.segments))])
+        name: np.array([values[part == k].max() for k in range(len(path.segments))])
         for name, values in shares.items()
     }
 
 
 @pytest.mark.parametrize("profile", ["fastest", "quintic"])
 @pytest.mark.parametrize("name", TIGHT)
-def test_the_limit_that_decides_is_reached_and_none_is_exceeded(checked_graph, walk, name, profile):
+def test_the_limit_that_decides_is_reached_and_none_is_exceeded(jem, walk, name, profile):
     """By Pinocchio and finite differences of the positions of the trajectory.
 
     The limits are far below the usual ones, so that a step takes up to a minute, and its
     acceleration rises within a hundredth of it.
     """
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, 2))
-    shares = shares_of_limits(path, replace(LOOSE, profile=profile, **{name: TIGHT[name]}))
+    shares = shares_of_limits(jem, walk, replace(LOOSE, profile=profile, **{name: TIGHT[name]}))
     decided = slice(None, None, 2) if name == "surface_speed" else slice(None)
     reached = shares.pop(name)[decided]
     assert reached.max() < 1.005
@@ -65,9 +64,8 @@ def test_the_limit_that_decides_is_reached_and_none_is_exceeded(checked_graph, w
 
 
 @pytest.mark.parametrize("pace", ["fast", "gentle", "careful"])
-def test_no_pace_exceeds_its_limits_and_each_segment_reaches_one(checked_graph, walk, pace):
-    path = RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, 2))
-    shares = np.array(list(shares_of_limits(path, PACES[pace]).values()))
+def test_no_pace_exceeds_its_limits_and_each_segment_reaches_one(jem, walk, pace):
+    shares = np.array(list(shares_of_limits(jem, walk, PACES[pace]).values()))
     np.testing.assert_allclose(shares.max(axis=0), 1.0, atol=5e-3)
 
 

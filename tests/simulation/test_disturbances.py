@@ -9,7 +9,7 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.regrasp import PHASES
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.simulation import monte_carlo
 from mlivr_gym.simulation.controller import DELAYED, FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids

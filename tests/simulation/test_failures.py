@@ -8,7 +8,6 @@ import pytest
 from recordings import resting
 
 from mlivr_gym import Box, Limb
-from mlivr_gym.motion.plan_motion import step_motion
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.dynamics import Physics
@@ -20,7 +19,7 @@ from mlivr_gym.simulation.simulator import Simulation, SimulationError
 
 @pytest.mark.parametrize("name", ["tool bag", "limbo", "body"])
 def test_a_collision_is_a_failure_that_names_what_touches(checked_graph, plan, jem, name):
-    step, motion = plan.steps[0], step_motion(checked_graph, plan, 0, 41)
+    step, motion = plan.steps[0], plan.joint_path(0).samples(41)
     swinging = np.flatnonzero(motion.phase == 1)
     k = int(swinging[len(swinging) // 2])
     robot = Simulation(jem, plan.world.robot)

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.path_segments import path_segments
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
@@ -19,16 +18,12 @@ from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 
 @pytest.fixture(scope="module")
-def paths(checked_graph, walk):
-    return [
-        RegraspPath(checked_graph, planned_regrasp(checked_graph, walk, index))
-        for index in range(len(walk.steps))
-    ]
+def paths(walk):
+    return [walk.joint_path(index) for index in range(len(walk.steps))]
 
 
 def rows_of(path, limits):
-    pieces = path_segments(path)
-    return [segment_dynamics(path.graph.robot, path.regrasp, piece, limits) for piece in pieces]
+    return [segment_dynamics(path, segment, limits) for segment in path.segments]
 
 
 def bindings(timed, limits):
@@ -38,19 +33,27 @@ def bindings(timed, limits):
 
 
 def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
+    """Of joints and of the base, which follows from the leader by forward kinematics."""
+    h, at = 1e-4, np.linspace(0.01, 0.99, 57)
     for path in paths[:2]:
-        for coarse, fine in zip(path_segments(path), path_segments(path, 385), strict=True):
-            step = fine.sigmas[1]
-            joints = fine.joints.reshape(len(fine.sigmas), -1)
-            first = (joints[2:] - joints[:-2]) / (2.0 * step)
-            second = (joints[2:] - 2.0 * joints[1:-1] + joints[:-2]) / step**2
-            inner = slice(8, -8)
-            at = fine.sigmas[1:-1][inner]
-            scale = np.abs(first).max() + 1e-9
-            np.testing.assert_allclose(coarse.curve(at, 1)[:, 6:], first[inner], atol=2e-3 * scale)
-            np.testing.assert_allclose(
-                coarse.curve(at, 2)[:, 6:], second[inner], atol=2e-2 * np.abs(second).max() + 1e-6
-            )
+        for segment in path.segments:
+            before, here, after = (segment.joints_at(at + k * h) for k in (-1, 0, 1))
+            (p0, r0), (p1, r1), (p2, r2) = map(path.base, (before, here, after))
+            turns = [
+                Rotation.from_matrix(a.swapaxes(1, 2) @ b).as_rotvec()
+                for a, b in ((r0, r1), (r1, r2))
+            ]
+            values = [
+                np.column_stack([p2 - p0, turns[0] + turns[1]]),
+                np.column_stack([p2 - 2.0 * p1 + p0, turns[1] - turns[0]]),
+            ]
+            for order, base in enumerate(values, 1):
+                curve = segment.curve(at, order)
+                difference = after - before if order == 1 else after - 2.0 * here + before
+                scale = 2.0 * h if order == 1 else h**2
+                truth = np.column_stack([base, difference.reshape(len(at), -1)]) / scale
+                most = np.abs(truth).max() + 1e-5  # rounding of second differences
+                np.testing.assert_allclose(curve, truth, atol=(2e-4, 2e-2)[order - 1] * most)
 
 
 def test_the_simulation_asks_for_what_the_rows_say(checked_graph, walk, paths):

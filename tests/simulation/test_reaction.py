@@ -8,9 +8,9 @@ from pinocchio_loads import loads_of
 
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.fastest import step_reactions, with_least_reaction
-from mlivr_gym.motion.commitment import commitments
+from mlivr_gym.motion.commitment import commitments, edges_along
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
@@ -18,7 +18,6 @@ from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.reaction import reaction_of
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
-from mlivr_gym.transitions.edge import Edge
 
 
 @pytest.fixture(scope="module")
@@ -62,11 +61,10 @@ def test_impulse_and_peak_are_those_of_pinocchios_momentum(checked_graph, walk, 
 def least_impulses(graph, plan):
     """The least total impulse of each step of a plan with its base poses, over all clear swings."""
     least = []
-    for k in range(len(plan.steps)):
-        regrasp = planned_regrasp(graph, plan, k)
-        swings = commitments(graph, regrasp, Edge(regrasp.path_kind, -1, -1, {}))
-        paths = [timed_path(RegraspPath(graph, one.regrasp)) for one in swings]
-        least.append(min(reaction_of(path).impulse for path in paths))
+    for k, edge in enumerate(edges_along(graph, plan.motion)):
+        edge = edge._replace(fold=-1, line_branches=-1)
+        swings = commitments(graph, StepEnds.of(graph, plan.motion, k), edge)
+        least.append(min(reaction_of(timed_path(one.path)).impulse for one in swings))
     return np.array(least)
 
 
@@ -97,6 +95,6 @@ def test_durations_that_the_plan_can_keep_stay_possible(checked_graph, walk):
 def test_a_file_keeps_the_chosen_swings_and_no_others(checked_graph, jem, chosen):
     data = json.loads(json.dumps(chosen.to_dict()))
     assert Plan.from_dict(data, jem).motion.steps == chosen.motion.steps
-    data["motion"]["steps"][0]["knots"][1][1] += 1e-3
+    data["motion"]["steps"][0]["knots"][8][0][1] += 1e-3
     with pytest.raises(PlanError, match=r"motion\.steps\[0\]"):
         Plan.from_dict(data, jem)

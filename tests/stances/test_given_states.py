@@ -146,7 +146,7 @@ def graph_and_tables(small_map, tmp_path_factory):
 @pytest.mark.parametrize(
     ("array", "field", "value"),
     [
-        ("edges", "fold_on_line", 3), ("edges", "fold_on_arc", -2), ("edges", "line_branches", 64),
+        ("edges", "line_branches", 64), ("edges", "line_branches", -2), ("released", "folds", 8),
         ("edge_index", None, 255),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
         ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),

@@ -5,26 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mlivr_gym import Settings, robot_spec, stance_graph
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.paper import CASES, MODES, case_graph, default_setup
-from mlivr_gym.planners.corridor import around
+from mlivr_gym.paper import case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.stances.table_build import fill_rows
 from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
-STATION = "station"
-WORLDS = {"default": stance_graph, STATION: lambda: stance_graph(STATION)} | {
-    f"case {case}, {mode}": lambda case=case, mode=mode: case_graph(case, default_setup(), mode)
-    for mode in MODES
-    for case in CASES
+WORLDS = {
+    "default": stance_graph,
+    "without collisions": lambda: stance_graph(settings=Settings(collisions=False)),
+    "case 1, steps": lambda: case_graph(1, default_setup(), "steps"),
 }
-PAPER = {name: world for name, world in WORLDS.items() if name != STATION}
-"""Those of which the whole table is worked out afresh within minutes."""
 STANCES = 20
-HATCH = (3.6, 0.0, 0.0)
-"""Between the first node of the station and the first lab [m]."""
 
 
 @pytest.fixture
@@ -35,7 +29,7 @@ def without_tables(monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(TableFiles, "find", lambda *_: None)
             graph = world()
-        assert not graph.is_complete or not graph.settings.transitions
+        assert not graph.is_complete
         return graph
 
     return make
@@ -72,7 +66,7 @@ def assert_same_steps(graph, fresh, chosen):
         np.testing.assert_array_equal(ours, theirs, err_msg=name)
 
 
-def test_a_table_ships_for_each_world_of_the_paper_and_no_other():
+def test_a_table_ships_for_each_of_these_worlds_and_no_other():
     names = set()
     for world in WORLDS.values():
         graph = world()
@@ -88,24 +82,6 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
     assert_same_steps(graph, fresh, chosen)
 
 
-def test_the_station_worked_out_afresh_about_a_hatch_is_that_which_ships(without_tables):
-    """On the points about it alone, with the boxes around them."""
-    graph, robot = stance_graph(STATION), robot_spec("mlivr2")
-    keep = np.linalg.norm(graph.grasp_map.positions - HATCH, axis=1) < 1.5
-    fresh = without_tables(lambda: stance_graph(around(graph.grasp_map, keep, robot)))
-    here = np.flatnonzero(keep[graph.points].all(axis=1))
-    np.testing.assert_array_equal(graph.points[here], np.flatnonzero(keep)[fresh.points])
-    for name in ("base_position", "base_rotation", "w_m", "w_b", "branch", "branch_sets"):
-        assert_same(getattr(graph, name)[here], getattr(fresh, name), name)
-    for s in np.random.default_rng(12).choice(len(fresh), 10, replace=False):
-        for held in range(2):
-            row = fresh.row(held, s)
-            ours = graph.steps.edges[graph._free.index(held, here[s], here[row])]
-            fresh.check_steps(np.full(len(row), held), np.full(len(row), s), row)
-            theirs = fresh.steps.edges[fresh._free.index(held, s, row)]
-            np.testing.assert_array_equal(ours, theirs)
-
-
 def test_other_settings_are_worked_out():
     graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
     assert not asset_path(TWO_LIMB_TABLES.name(graph)).exists()
@@ -113,12 +89,11 @@ def test_other_settings_are_worked_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("world", PAPER.values(), ids=PAPER)
+@pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, world):
     graph, fresh = world(), without_tables(world)
     fill_rows(fresh)
     assert_same_stances(graph, fresh)
     ours, theirs = graph.file_contents(), fresh.file_contents()
-    if graph.settings.transitions:
-        np.testing.assert_array_equal(ours.edges, theirs.edges)
-        np.testing.assert_array_equal(ours.releases, theirs.releases)
+    np.testing.assert_array_equal(ours.edges, theirs.edges)
+    np.testing.assert_array_equal(ours.releases, theirs.releases)

@@ -53,7 +53,7 @@ def test_a_step_is_the_same_in_both_directions(by_one_thread):
             before, after = graph.edges_of_row(held, int(point))
             forth = known.table.edges[known.index(held, before, after)]
             back = known.table.edges[known.index(held, after, before)]
-            for name in ("kept", "on_arc", "fold_on_line", "fold_on_arc"):
+            for name in ("kept", "swings"):
                 assert np.array_equal(forth[name], back[name])
             on_line = forth["line_branches"] >= 0
             turned = 8 * (forth["line_branches"] % 8) + forth["line_branches"] // 8
@@ -157,8 +157,8 @@ def steps_of(found):
 def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_map, robot, settings):
     """Asked one stance at a time, with every branch that a limb may be on.
 
-    Among boxes, the limb that holds keeps some or all of the branches that it keeps without a
-    table, where either limb is folded.
+    Beside one line of the limb that moves, the table keeps all holds that it serves, and asked for
+    some of them the graph may choose another line.
     """
     graph = stance_graph(small_map, robot, settings)
     tables, implicit = step_tables(graph), ImplicitGraph(small_map, graph.robot, settings)

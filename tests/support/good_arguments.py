@@ -22,10 +22,6 @@ def seen(env):
     return {"env": env, "observation": env.reset(seed=0)[0], "mask": mask}
 
 
-def corridor(of):
-    return {"grasp_map": of.map, **of.query, "settings": of.settings}
-
-
 SPECIAL = {
     "PlanPolicy": lambda of: {"find": lambda env: None},
     "baseline_policy": lambda of: {"method": "local"},
@@ -73,7 +69,6 @@ SPECIAL = {
     "MlivrVectorEnv": lambda of: {"num_envs": 2, "env": of["MlivrEnv"]},
     "StanceGraphEnv": lambda of: {"size": (32, 16)},
     "stance_graph": lambda of: {"grasp_map": of.map, "settings": of.settings},
-    "plan_in_corridor": corridor,
     "RobotSpec.with_failed_joint": lambda of: {"joint": 5, "angle": 0.3},
     "SceneRenderer": lambda of: {"robot": robot_spec("mlivr2-ur10e"), "width": 32, "height": 16},
     "film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
@@ -85,9 +80,6 @@ SPECIAL = {
     "read_study": lambda of: {"folder": of.file("study")},
     "Camera.seeing": lambda of: {"aspect": 2.0},
     "closed_loop_film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
-    "points_to_add": lambda of: {"candidates": of["spare"]},
-    "smallest_changes": lambda of: {"candidates": of["spare"]},
-    "one_more_limb": lambda of: {"limit": 2},
     "find_walk": lambda of: {"method": "random", "start": of["State"], "max_steps": 3},
     "RobotSpec.from_dict": lambda of: {"data": of["RobotSpec"].to_dict()},
     "RobotSpec.load": lambda of: {"path": of.file("robot.json")},

@@ -10,13 +10,16 @@ from typing import NamedTuple
 import networkx as nx
 import numpy as np
 from compiled import called
-from limb_motions import departing, motion, round_corner, swinging
+from joint_lines import line_scratch
+from limb_motions import motion, round_corner, swinging
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.intervals import check_line
 from mlivr_gym.collisions.sweep import sweep
-from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.transitions.departures import Departure, departure_of
 from mlivr_gym.transitions.grasp_poses import angles_above
 
 EVERY = {(branch, flip) for branch in range(8) for flip in (0, 1)}
@@ -66,33 +69,43 @@ class PlainChecks:
         folds = self.robot["folds"][: len(self.spec.folds)]
         self.folds = [np.array([*fold, 0.0]) for fold in folds]
 
-    def clear(
-        self, path, first, second, compared, resting=(), grasp=None, places=(0.0, 1.0), corner=None
-    ):
-        """Whether a limb keeps clear while the base follows a path, or stays if that is a pose.
+    def clear(self, path, first, second, compared, places=(0.0, 1.0), corner=None):
+        """Whether a limb keeps clear while the base follows a path.
 
         A corner that is rounded is base parameter and joint angles, shape (7,).
         """
-        stays = path.dtype.names == ("position", "rotation")
-        moves = base_path(path, path, STRAIGHT, np.zeros(3)) if stays else path
-        scratch = motion(moves, (0.0, 0.0) if stays else places, first, second, compared)
-        scratch["resting"]["count"] = len(resting)
-        for k, (limb, ends) in enumerate(resting):
-            scratch["resting"]["limb"][k] = limb
-            scratch["resting"]["shapes"][k]["ends"][: len(ends)] = ends
+        scratch = motion(path, places, first, second, compared)
         if corner is not None:
             round_corner(scratch, corner[0], corner[1:], corner[1:])
+        boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
+        return called(sweep)(self.robot, boxes, clearance, scratch) == CLEAR
+
+    def swing_clear(self, path, limb, start, end):
+        """Whether a limb can swing along a line, limbs that hold aside."""
+        swing = swinging(limb, start, end)
+        return self.clear(path, swing, swing, ("boxes", "body"))
+
+    def line_clear(self, base, limb, line, resting, grasp=None):
+        """Whether a limb can move along a line (2, 6) while the base and other limbs are at rest.
+
+        With a grasp its gripper may be at that.
+        """
+        joints = np.zeros((2, self.spec.limbs, 6))
+        joints[:, limb] = line
+        frame = rigid(base["rotation"], base["position"])
+        scratch = line_scratch(
+            joints, frame=frame, boxes=1 << limb, itself=1 << limb, first=limb, resting=True
+        )
+        scratch["resting"]["count"] = len(resting)
+        for k, (other, ends) in enumerate(resting):
+            scratch["resting"]["limb"][k] = other
+            scratch["resting"]["shapes"][k]["ends"][: len(ends)] = ends
         if grasp is not None:
             surface = scratch["surface"]
             surface["applies"], surface["point"] = True, grasp["point"]
             surface["normal"] = grasp["normal"]
         boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
-        return called(sweep)(self.robot, boxes, clearance, scratch) == CLEAR
-
-    def swing_clear(self, path, limb, start, end, resting=()):
-        """Whether a limb can swing along a line, limbs that hold aside."""
-        swing = swinging(limb, start, end)
-        return self.clear(path, swing, swing, ("boxes", "body", "resting"), resting)
+        return called(check_line)(self.robot, boxes, clearance, scratch) == CLEAR
 
     def grasp(self, s, limb):
         return self.grasps[self.stances.points[s, limb]]
@@ -119,6 +132,15 @@ class PlainChecks:
                 found[branch] = out["q"].copy()
         return found
 
+    def departures(self, s, limb, pairs):
+        """Knots of departures by branch, shape (n, 6), and the pairs with which they are."""
+        found, able, to, base = {}, set(), Departure.row(), self.stances.base[s]
+        for branch in branches(pairs):
+            flips = departure_of(self.checks.robots, limb, base, self.grasp(s, limb), branch, to)
+            able |= members(flips) & pairs
+            found[branch] = to["knots"]["q"][: int(to["pieces"]) + 1].copy()
+        return {branch: found[branch] for branch in branches(able)}, able
+
     def elbow_up(self, s, limb, pairs):
         """Of twins that differ in the elbow alone the one farther up in the body frame."""
         ends, dropped = self.ends(s, limb), set()
@@ -141,19 +163,20 @@ class PlainChecks:
         first, free, above = self.elbow_up(s, limb, pairs), set(), {}
         grasp = self.grasp(s, limb)
         for some in (first, pairs - first):
-            lifted = self.above(s, limb, some)
-            above |= lifted
-            departs = set()
-            for branch in lifted:
-                flange = grasp["flange"]
-                moves = departing(limb, branch, flange["position"], flange["rotation"])
-                compared = "boxes", "body", "resting"
-                if self.clear(base, moves, moves, compared, at_rest, grasp):
-                    departs.add(branch)
-            free |= on(some, departs)
+            knots, able = self.departures(s, limb, some)
+            above |= {branch: q[-1] for branch, q in knots.items()}
+            departs = {
+                branch
+                for branch, q in knots.items()
+                if all(
+                    self.line_clear(base, limb, q[k : k + 2], at_rest, grasp)
+                    for k in range(len(q) - 1)
+                )
+            }
+            free |= on(able, departs)
             found = self.fold(base, limb, {b: above[b] for b in departs}, at_rest)
             if found:
-                return found._replace(pairs=on(some, found.via))
+                return found._replace(pairs=on(able, found.via))
         return Released(on(free, self.joined(base, limb, above, free, at_rest)), set(), 0, {})
 
     def fold(self, base, limb, above, at_rest):
@@ -162,13 +185,13 @@ class PlainChecks:
             changeable = [
                 fold
                 for fold, there in enumerate(self.folds)
-                if fold == root or self.swing_clear(base, limb, here, there, at_rest)
+                if fold == root or self.line_clear(base, limb, (here, there), at_rest)
             ]
             via = {}
             for branch, q in above.items():
                 for fold in changeable:
                     there = np.array([*self.folds[fold][:5], q[5]])
-                    if branch not in via and self.swing_clear(base, limb, q, there, at_rest):
+                    if branch not in via and self.line_clear(base, limb, (q, there), at_rest):
                         via[branch] = fold
             if via:
                 return Released(set(), set(changeable), root, via)
@@ -180,9 +203,8 @@ class PlainChecks:
         graph.add_nodes_from(branches(free))
         for a in branches(free):
             for b in branches(free):
-                if a < b and self.swing_clear(
-                    base, limb, above[a], line_end(above[a], above[b])[0], at_rest
-                ):
+                line = above[a], line_end(above[a], above[b])[0]
+                if a < b and self.line_clear(base, limb, line, at_rest):
                     graph.add_edge(a, b)
         parts = sorted(nx.connected_components(graph), key=lambda part: (-len(part), min(part)))
         return parts[0] if parts else set()

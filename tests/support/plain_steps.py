@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from compiled import called
 from limb_motions import holding, swinging
-from plain_checks import EVERY, branch_set_of, branches, line_end, members, on
+from plain_checks import branch_set_of, branches, line_end, members, on
 
 from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
 from mlivr_gym.kinematics.holding import Holding, held_branches
@@ -16,13 +16,12 @@ class Edge(NamedTuple):
     """What `Step` says once it is checked."""
 
     kept: dict
-    on_arc: set
     path_kind: int
-    folds: tuple
+    fold: int
     line_branches: int
 
 
-NO_EDGE = Edge({}, set(), STRAIGHT, (-1, -1), -1)
+NO_EDGE = Edge({}, STRAIGHT, -1, -1)
 
 
 class PlainStep:
@@ -68,42 +67,23 @@ class PlainStep:
                 collisions are not looked at.
         """
         able = [kind for kind in (STRAIGHT, ARC) if all(self.on_path[kind].values())]
-        alone, now = len(self.held) == 1, dict.fromkeys(self.held, EVERY)
         if not able:
             return self.edge
         if released is None:
-            return self.folded(now, [None])
+            return self.folded([None])
         first, last = (released[s][self.limb] for s in (self.before, self.after))
         if not first.pairs or not last.pairs:
             return self.edge
-        stages = self.stages(released) if alone and not self.given else [now]
-        for looked_at in stages:
-            if not self.edge.kept and first.folds & last.folds:
-                self.folded(looked_at, sorted(first.folds & last.folds))
+        self.folded(sorted(first.folds & last.folds))
         if not self.edge.kept:
             self.on_lines(first, last)
         return self.edge
 
-    def stages(self, released):
-        """Branches to look at: released at both stances, at one of them, then at none."""
-        first, last = (
-            {i: on(EVERY, branches(released[s][i].pairs)) for i in self.held}
-            for s in (self.before, self.after)
-        )
-        return [
-            {i: first[i] & last[i] for i in self.held},
-            {i: first[i] ^ last[i] for i in self.held},
-            {i: EVERY - first[i] - last[i] for i in self.held},
-        ]
-
-    def folded(self, now, folds):
+    def folded(self, folds):
         """Keep what can hold while the other limb stays folded, in the first fold that can."""
         for kind, path in enumerate(self.paths):
-            standing = {
-                i: self.on_path[kind][i] & now[i] - (self.kept(i) if len(self.held) == 1 else set())
-                for i in self.held
-            }
-            if not all(standing.values()) or not all(self.on_path[kind].values()):
+            standing = dict(self.on_path[kind])
+            if not all(standing.values()):
                 continue
             for fold in folds:
                 if fold is None:
@@ -115,26 +95,13 @@ class PlainStep:
                     if apart:
                         self.keep(kind, apart, fold, -1)
                     break
-            if self.edge.kept and (self.given or len(self.held) > 1):
+            if self.edge.kept:
                 break
         return self.edge
 
-    def kept(self, i):
-        return self.edge.kept.get(i, set())
-
     def keep(self, kind, standing, fold, pair):
-        """Add what is kept on a kind of path to the edge."""
-        edge, folds = self.edge, list(self.edge.folds)
-        if pair < 0:
-            folds[kind] = fold
-        arc = set().union(*standing.values()) if kind == ARC else set()
-        self.edge = Edge(
-            {i: self.kept(i) | standing[i] for i in self.held},
-            edge.on_arc | arc,
-            edge.path_kind if edge.kept else kind,
-            tuple(folds),
-            pair,
-        )
+        """Let the edge be what is kept on a kind of path."""
+        self.edge = Edge(dict(standing), kind, fold, pair)
 
     def lines(self, first, last):
         """The lines that are tried, see `swing_lines`."""

@@ -30,19 +30,13 @@ from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.fastest import Candidate
-from mlivr_gym.motion.path_segments import path_segments
-from mlivr_gym.motion.plan_motion import step_motion
-from mlivr_gym.motion.regrasp import RegraspPath, planned_regrasp
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Cost, Planner
-from mlivr_gym.planners.additions import AddedPoints, MoreLimbs
 from mlivr_gym.planners.algorithm1 import SearchTree
-from mlivr_gym.planners.corridor import CorridorPlan
 from mlivr_gym.planners.outcome import Improvement
-from mlivr_gym.planners.reach import reach_from
 from mlivr_gym.planners.smallest_change import Change
 from mlivr_gym.planners.why_not import Cause
 from mlivr_gym.robot.from_file import read_robot
@@ -54,7 +48,6 @@ from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import plan_trajectory
-from mlivr_gym.stances.critical import Loss
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.studies import StudyDesign, run_study
 from mlivr_gym.world.rails import Handrail
@@ -162,7 +155,7 @@ MAKERS = {
     "StanceGraphEnv": lambda of: of["MlivrEnv"],
     "ClosedLoopEnv": lambda of: environment(of, ClosedLoopEnv),
     "UnknownMapEnv": lambda of: environment(of, UnknownMapEnv),
-    "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map, precompute=True)),
+    "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map)),
     "ActionMaskObservation": lambda of: ActionMaskObservation(of["MlivrEnv"]),
     "PointObservation": lambda of: mlivr("agents.features").PointObservation(of["MlivrEnv"]),
     "Observation": lambda of: of["MlivrEnv"].reset(seed=0)[0],
@@ -201,23 +194,17 @@ MAKERS = {
     "Motion": lambda of: of["Plan"].motion,
     "Statistics": lambda of: of["Plan"].statistics,
     "Step": lambda of: of["Plan"].steps[0],
-    "StepMotion": lambda of: step_motion(of["TwoLimbGraph"], of["Plan"], 0),
-    "CorridorPlan": lambda of: CorridorPlan(of["PlanningResult"], of["TwoLimbGraph"], True),
+    "StepMotion": lambda of: of["Plan"].joint_path(0).samples(50),
     "Cost": lambda of: Cost.named("base"),
     "CostToGo": lambda of: of["Planner"].cost_to_go(of.query["goal"]),
     "Goal": lambda of: of["CostToGo"].goal,
     "Improvement": lambda of: Improvement(0.1, 1.0, 1.0),
     "Cause": lambda of: Cause((), "nothing"),
-    "AddedPoints": lambda of: AddedPoints(("P",), ("P",), of.map, True),
-    "MoreLimbs": lambda of: MoreLimbs("mlivr3", of.query["start"], "found"),
-    "Change": lambda of: Change("points", ("P",), True),
-    "Reach": lambda of: reach_from(of["TwoLimbGraph"], of.query["start"], 2),
+    "Change": lambda of: Change("obstacles", ("box",), True, 1),
     "SearchTree": lambda of: SearchTree(),
     "Trajectory": lambda of: plan_trajectory(of["TwoLimbGraph"], of["Plan"], period=0.1),
     "Durations": lambda of: Durations(),
-    "segments": lambda of: path_segments(
-        RegraspPath(of["TwoLimbGraph"], planned_regrasp(of["TwoLimbGraph"], of["Plan"], 0))
-    ),
+    "segments": lambda of: of["Plan"].joint_path(0).segments,
     "Camera": lambda of: Camera((0.0, 0.0, 0.0)),
     "Route": drawn_route,
     "Foothold": lambda of: of["Route"].footholds[0],
@@ -263,7 +250,6 @@ MAKERS = {
     "seven joints": lambda of: robot_spec("mlivr2-iiwa"),
     "three limbs": lambda of: random_state(of["ImplicitGraph"], np.random.default_rng(0)),
     "spare": lambda of: jem_map().subset(np.arange(331) > 328, "spare"),
-    "Loss": lambda of: Loss("P", ("P",), 1, 1),
     "StudyDesign": lambda of: StudyDesign("things:row", {"a": (1, 2)}, 1),
     "RunBlock": lambda of: of["StudyDesign"].blocks[0],
     "Box": lambda of: Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1)),

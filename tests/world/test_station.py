@@ -6,7 +6,6 @@ import pytest
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.corridor import around
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.table_build import build_table
@@ -107,7 +106,7 @@ PASSAGE = [
 
 def test_four_limbs_pass_a_hatch_by_steps_that_a_graph_without_a_table_allows():
     world, robot = as_map("hatch"), robot_spec("mlivr4")
-    part = around(world, np.isin(world.ids, PASSAGE), robot)
+    part = world.subset(np.isin(world.ids, PASSAGE))
     graph, plain = stance_graph(part, robot), stance_graph(part, robot)
     build_table(graph)
     start = ("node/aft/0-:3", "node/aft/1+:0", "node/aft/1+:4", "node/aft/0-:4")

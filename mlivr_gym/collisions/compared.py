@@ -1,0 +1,78 @@
+"""What is compared on an interval of a line in joint space (compiled)."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+
+from mlivr_gym.arrays import IntArray
+from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, below, has
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Record
+from mlivr_gym.robot.specification import MOST_LIMBS
+
+
+class Compared(Record):
+    """What is compared on a line."""
+
+    boxes: int
+    """Set of limbs that are compared with boxes."""
+    holding: int
+    """Set of limbs that hold: their capsules on the flange axis stand still and are not compared
+    with boxes, since this was done where the stance was checked."""
+    base: bool
+    """Whether the body and what is fixed to it is compared with boxes."""
+    itself: int
+    """Set of limbs that are compared with themselves and the body."""
+    first: int
+    """Limb that is compared with `second`, or with the limbs at rest."""
+    second: int
+    """Limb that the first one is compared with, -1 for none."""
+    resting: bool
+    """Whether the first limb is compared with the limbs at rest."""
+
+
+class LineInterval(Record):
+    """An interval of a line that is still to be checked, with the comparisons that remain."""
+
+    middle: float
+    """Its middle, as a fraction of the line."""
+    half: float
+    """Half its length."""
+    boxes: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of capsules to compare with boxes."""
+    itself: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of pairs of its capsules to compare."""
+    body: Annotated[IntArray, (MOST_LIMBS,), np.int64]
+    """For each limb, set of capsules to compare with the body."""
+    limbs: int
+    """Set of capsules of the first limb to compare with the second, or of limbs at rest."""
+    base: bool
+    """Whether the base is to be compared with boxes."""
+
+
+@kernel
+def begin_comparing(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
+    """Set an interval to the whole line, with everything to be compared."""
+    interval.middle = interval.half = 0.5
+    for i in range(robot.limb_count):
+        interval.boxes[i] = interval.itself[i] = interval.body[i] = EMPTY
+        if has(compared.boxes, i):
+            interval.boxes[i] = EVERY
+            if has(compared.holding, i):
+                interval.boxes[i] = below(robot.limbs[i].first_on_axis)
+        if has(compared.itself, i):
+            interval.itself[i] = interval.body[i] = EVERY
+    interval.base = compared.base
+    interval.limbs = EVERY if compared.resting or compared.second >= 0 else EMPTY
+
+
+@kernel
+def copy_pending(first: LineInterval, second: LineInterval) -> None:
+    """Give the second interval the comparisons that remain for the first."""
+    for i in range(MOST_LIMBS):
+        second.boxes[i], second.itself[i] = first.boxes[i], first.itself[i]
+        second.body[i] = first.body[i]
+    second.limbs, second.base = first.limbs, first.base
