@@ -21,8 +21,9 @@ from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, 
 from mlivr_gym.kinematics.families import branch_terms, stays_above
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
 from mlivr_gym.kinematics.poses import Pose, along, columns, vector
+from mlivr_gym.motion.base_paths import path_of, support_joints
 from mlivr_gym.motion.commitment import edges_along
-from mlivr_gym.motion.step_ends import StepEnds, support_joints
+from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import LIMB_COLOURS
@@ -119,7 +120,7 @@ def main() -> None:
     plan = Planner(graph).plan(START, GOAL, "steps").unwrap()
     ends, floor = StepEnds.of(graph, plan.motion, STEP), graph.settings.path_floor
     limb, kind = 1 - ends.limb, edges_along(graph, plan.motion)[STEP].path_kind
-    holding = Holding(graph, ends, ends.base_path(graph, kind), limb)
+    holding = Holding(graph, ends, path_of(graph, ends, kind), limb)
     intervals = holding.intervals(floor)
     s = np.linspace(0.0, 1.0, 400)
     figure = Figure(figsize=(10.4, 3.8), dpi=110, layout="constrained")

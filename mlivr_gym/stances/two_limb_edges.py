@@ -13,6 +13,7 @@ from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
+from mlivr_gym.transitions.edge import Edge, edge_alone
 from mlivr_gym.transitions.records import (
     STORED_ALONE,
     STORED_FIRST,
@@ -62,6 +63,12 @@ class TwoLimbEdges:
     def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
         return edge_indices(support, before, after, self.table)
+
+    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge:
+        """Return the edge of a step for the branches of the support limb; check it if unknown."""
+        self.check_steps(*(np.array([one]) for one in (support, before, after)))
+        found = self.table.edges[self.index(support, before, after)]
+        return edge_alone(support, branch_set & int(found["kept"]), found)
 
     @property
     def checked(self) -> IntArray:

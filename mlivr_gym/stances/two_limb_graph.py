@@ -31,6 +31,7 @@ from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObst
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
+from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.boxes import Box
@@ -287,6 +288,15 @@ class TwoLimbGraph(StanceGraph):
         if s < 0:
             return super().releasable_branches(stance, posture, limb)
         return self._releasable_now(s, limb)
+
+    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
+        """Return the edge of a step; see `StanceGraph.edge`."""
+        s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
+        is_known = self.settings.collisions and self.settings.transitions
+        if not is_known or s0 < 0 or s1 < 0:
+            return super().edge(state, after, posture)
+        support = 1 - moving_limb(state.stance, tuple(after))
+        return self._known.edge(state.branch_sets[support], support, s0, s1)
 
     @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of, codes_of
+from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.transitions.line_steps import OTHER_FOLD
 
 
@@ -24,15 +25,23 @@ class Edge(NamedTuple):
 
 
 def edge_of(step: Any, limbs: int) -> Edge:
-    """Return the edge of a checked step of some number of limbs, a row of `StepRecord`.
-
-    With two limbs the swing is that of the first hold that the support keeps.
-    """
-    kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
-    fold, line_branches = int(step["fold"]), int(step["line_branches"])
+    """Return the edge of a checked step of some number of limbs, a row of `StepRecord`."""
     if limbs == 2:
-        first = min((bits_of(branch_set)[0] for branch_set in kept.values()), default=0)
-        code = codes_of(step["swings"])[first % BRANCHES]
-        fold = code if kept and code < OTHER_FOLD else -1
-        line_branches = line_branches if fold < 0 else -1
-    return Edge(int(step["path_kind"]), fold, line_branches, kept)
+        support = 1 - int(step["limb"])
+        return edge_alone(support, int(step["kept"][support]), step)
+    kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
+    return Edge(int(step["path_kind"]), int(step["fold"]), int(step["line_branches"]), kept)
+
+
+def edge_alone(support: int, kept: int, found: Any) -> Edge:
+    """Return the edge of a step of two limbs, of which one supports and keeps a branch set.
+
+    The swing is that of the first hold; `found` has `swings` and `line_branches` as a row of
+    `StepRecord`.
+    """
+    if not kept:
+        return Edge(STRAIGHT, -1, -1, {})
+    code = codes_of(found["swings"])[bits_of(kept)[0] % BRANCHES]
+    if code < OTHER_FOLD:
+        return Edge(STRAIGHT, code, -1, {support: kept})
+    return Edge(STRAIGHT, -1, int(found["line_branches"]), {support: kept})
