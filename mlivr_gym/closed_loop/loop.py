@@ -178,31 +178,25 @@ def run_closed_loop(
         occupancy = goal_occupancy(graph, goal, goal_tolerance)
         return "; ".join(filter(None, (occupancy, result.message)))
 
-    loop = _Loop(executor, (planner, plan_from, why_none), camera, seed, show)
-    loop.record.footage = Footage() if filmed else None
+    robot = SensingRobot(executor, camera, seed, show)
+    course = Course(robot.belief, planner, plan_from)
+    robot.record.footage = Footage() if filmed else None
     try:
-        loop.run(start, refusing_points, max_steps)
+        _Loop(robot, course, why_none).run(start, refusing_points, max_steps)
     finally:
-        loop.withdraw()
-    return loop.record
+        robot.belief.withdraw()
+    return robot.record
 
 
 class _Loop:
     """A closed loop in progress."""
 
     def __init__(
-        self,
-        executor: StepExecutor,
-        planning: tuple[Planner, Callable[..., PlanningResult], Callable[[PlanningResult], str]],
-        camera: DepthCamera | None,
-        seed: int,
-        show: Callable[[Event], None] | None,
+        self, robot: SensingRobot, course: Course, why_none: Callable[[PlanningResult], str]
     ) -> None:
-        planner, plan_from, self._why_none = planning
-        self.graph, self._robot = executor.graph, SensingRobot(executor, camera, seed, show)
-        self._executor, self._belief = executor, self._robot.belief
-        self.record, self._course = self._robot.record, Course(self._belief, planner, plan_from)
-        self.withdraw = self._belief.withdraw
+        self.graph, self.record, self._robot = robot.graph, robot.record, robot
+        self._executor, self._belief = robot.executor, robot.belief
+        self._course, self._why_none = course, why_none
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""

@@ -26,7 +26,7 @@ def connected(
 ) -> Array | None:
     """Return knots of a clear path between joint angles (6,), shape (k, 6) [rad], or None.
 
-    Joints stay within `limits`, shape (6, 2) [rad]; one whose limits are equal does not move.
+    Joints stay within `limits`, shape (6, 2) [rad].
     """
     if not (is_line_clear(first, first) and is_line_clear(last, last)):
         return None
