@@ -213,7 +213,7 @@ class Planner(OnGraph):
         """Return the rule that cuts a goal off from the start, and what would help.
 
         If there is a plan, the message says so. Otherwise the query is repeated on graphs without
-        obstacles, collisions, thresholds, joint limits or step checks, which takes some seconds.
+        obstacles, collisions, thresholds or step checks, which takes some seconds.
 
         The arguments are those of `plan`; with more than two limbs each search expands at most
         `limit` states. Raises an `MlivrError` if an argument cannot be used, or the start cannot be

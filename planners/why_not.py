@@ -1,6 +1,6 @@
 """Why there is no plan: the rule that cuts the goal off, and what would help.
 
-Each rule is left out in turn (obstacles, collisions, thresholds, joint limits, step checks) and the
+Each rule is left out in turn (obstacles, collisions, thresholds, step checks) and the
 query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
 plan gives the cause. How much must change at least is found by `smallest_change`.
 """
@@ -25,22 +25,17 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-OBSTACLES, THRESHOLDS, JOINTS = "obstacles and occupied points", "thresholds", "joint limits"
+OBSTACLES, THRESHOLDS = "obstacles and occupied points", "thresholds"
 """Names of rules."""
 
 RULES = {
     OBSTACLES: ({}, "removing some of them may help"),
     "collisions": ({"collisions": False}, "a smaller clearance or a slimmer robot may help"),
     THRESHOLDS: ({"manipulability": False}, "lower thresholds of w_m or w_b may help"),
-    JOINTS: (
-        {},
-        "support limbs would leave their joint windows: wider joint_limits or other "
-        "window_starts may help",
-    ),
     "steps": (
         {"transitions": False},
-        "stances at the goal exist, but support limbs would leave their branches or fall below "
-        "path_floor along steps: a lower path_floor may help",
+        "stances at the goal exist, but along steps support limbs would leave their branches or "
+        "joint windows, or fall below path_floor: a lower path_floor or wider joint_limits may help",
     ),
 }
 """Settings that leave each rule out, and what would help, in the order in which they are left
@@ -79,8 +74,6 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
     """Return whether a rule applies to a graph."""
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
-    if name == JOINTS:
-        return graph.settings.transitions
     return all(getattr(graph.settings, key) for key in RULES[name][0])
 
 
@@ -110,8 +103,6 @@ def _plan_exists(
         relaxed: StanceGraph = stance_graph(graph.grasp_map, graph.robot, settings)
     else:
         relaxed = in_same_world(graph, settings=settings)
-    if JOINTS in rules:
-        relaxed.checks.ignore_joint_limits()
     return is_plan_found(relaxed, start, goal, limit)
 
 

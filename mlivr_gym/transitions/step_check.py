@@ -47,11 +47,6 @@ class StepChecks:
         self._idle: list[Any] = []
         """Scratch that no check uses at present."""
 
-    def ignore_joint_limits(self) -> None:
-        """Let joints of support limbs leave their windows from now on, to measure their effect."""
-        self.robots = self.robots.copy()
-        self.robots["limbs"]["arm"]["window"][..., 1] = np.inf
-
     def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
         """Return the world that motions are checked against: the map, and obstacles if any.
 

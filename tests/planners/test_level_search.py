@@ -65,7 +65,7 @@ def test_a_start_pose_counts_as_a_step(lazy, full):
     s = 7
     position = full.base_position[s] + [0.004, 0.003, 0.0]
     pose = (*position, *full.configuration(full.state(full.points[s].tolist()))[1])
-    start, goal = full.ids(full.points[s].tolist()), full.base_position[-1]
+    start, goal = full.ids(full.points[s].tolist()), full.base_position[100]
     found, truth = (
         Planner(graph).plan(start, goal, "steps", start_pose=pose, goal_tolerance=0.05)
         for graph in (lazy, full)
@@ -75,7 +75,7 @@ def test_a_start_pose_counts_as_a_step(lazy, full):
 
 
 def test_limits_of_expansions_and_time_end_it(lazy):
-    start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[-1]
+    start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[100]
     for limits in ({"limit": 1}, {"time_limit": 0.0}):
         found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)
         assert found.reason == "limit reached"

@@ -164,7 +164,7 @@ def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(c
     """
     graph, other, rng = stance_graph(), stance_graph(), np.random.default_rng(3)
     followed = searched = cut_off = 0
-    for _ in range(9):
+    for _ in range(14):
         planner, (start, goal) = Planner(graph), sample_task(graph, rng, 0.2)
         state, boxes = start, []
         for turn in range(4):

@@ -57,7 +57,7 @@ def in_turn(graph, state, stances):
 def test_states_along_stances_are_those_after_each_step_in_turn(small_map, robot, settings, half):
     graph, again = (stance_graph(small_map, robot, settings) for _ in range(2))
     rng, lengths = np.random.default_rng(3), set()
-    for _ in range(6):
+    for _ in range(10):
         start = random_state(graph, rng)
         walk = [start]
         for _ in range(4):

@@ -14,7 +14,7 @@ from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 def test_the_table_tells_what_is_known_of_every_step(small_map, transitions):
     """A step that is not known keeps all branches that both of its stances have."""
     fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
-    graph = stance_graph(fewer, settings=Settings(transitions=transitions, collisions=False))
+    graph = stance_graph(fewer, settings=Settings(transitions=transitions, collisions=transitions))
     rng, points = np.random.default_rng(0), graph.points
     steps = [
         (held, a, b)
