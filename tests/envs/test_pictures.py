@@ -49,7 +49,10 @@ def changes(pictures):
 
 @pytest.mark.parametrize("settings", [{}, {"robot": "mlivr3"}])
 def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
-    """MuJoCo says where the grippers are, in all 25 configurations of each of four actions."""
+    """MuJoCo says where the grippers are, in all 25 configurations of each of four actions.
+
+    Between knots those of followers are within 0.2 mm of their points.
+    """
     environment = gymnasium.make("MLIVR-JEM-v0", **settings)
     snapshots, graph = acted(environment, 4), environment.unwrapped.graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
@@ -63,7 +66,7 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
                 if point == before[limb] or k == len(part) - 1:
                     found = data.site(f"limb{limb}/grasp").xpos
                     at = graph.grasp_map.positions[point]
-                    np.testing.assert_allclose(found, at, atol=1e-6)
+                    assert np.linalg.norm(found - at) < (1e-6 if graph.limbs == 2 else 2e-4)
         before = moment.state.stance
     flat = [configuration for part in film for configuration in part]
     bends = [np.abs(b[2] - a[2]).max() for a, b in itertools.pairwise(flat)]

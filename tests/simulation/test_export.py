@@ -19,7 +19,7 @@ def files(checked_graph, plan, tmp_path_factory):
         checked_graph.grasp_map, world.robot, plan.configuration(0), points, world.obstacles
     )
     (folder / "model.xml").write_text(model)
-    walk = step_trajectory(checked_graph, plan, 0, Durations.of_step(20.0))
+    walk = step_trajectory(checked_graph, plan, 0, Durations())
     save_npz(walk, folder / "walk.npz")
     return folder
 
