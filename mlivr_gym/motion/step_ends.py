@@ -76,8 +76,9 @@ def normal_knots(graph: StanceGraph, ends: StepEnds, side: int) -> Array:
     knots = found["knots"]["q"][: found["pieces"] + 1]
     turns: Array = knots + np.pi * np.rint((hold - knots[0]) / np.pi)
     turns[0] = hold
-    outer = turns[[0, -1]] + (turns[[1, -2]] - turns[[0, -1]]) / 3.0
-    return np.insert(turns, [1, len(turns) - 1], outer, axis=0)
+    first, last = turns[:1], turns[-1:]
+    outer = first + (turns[1:2] - first) / 3.0, last + (turns[-2:-1] - last) / 3.0
+    return np.concatenate([first, outer[0], turns[1:-1], outer[1], last])
 
 
 def step_path(

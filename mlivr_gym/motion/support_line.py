@@ -24,23 +24,24 @@ class SupportLine:
         self._ends, self._support = ends, 1 - ends.limb
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._lines = LineScratch.rows(1)
-        held = self._lines[0]["line"]["grasp"]
+        line = self._lines[0]["line"]
+        self._first, self._last = line["first"]["q"][:2], line["last"]["q"][:2]
         place, turn = flange_in_body(graph.robot, self._support, ends.joints[0, self._support])
-        held["position"] = ends.positions[0] + ends.rotations[0] @ place
-        held["rotation"] = ends.rotations[0] @ turn
-        self._lines[0]["line"]["leader"] = self._support
+        line["grasp"]["position"] = ends.positions[0] + ends.rotations[0] @ place
+        line["grasp"]["rotation"] = ends.rotations[0] @ turn
+        line["leader"] = self._support
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance on the line between two swing knots."""
-        line, joints = self._lines[0]["line"], self.knots(a, b)
-        line["first"]["q"][:2], line["last"]["q"][:2] = joints
+        self._first[:], self._last[:] = self.knots(a, b)
         clear = line_clear(self._support, self._ends.limb, self._robots, self._world, self._lines)
         return bool(clear)
 
     def knots(self, a: Array, b: Array) -> Array:
         """Return the two knots of the line between two swing knots, shape (2, 2, 6) [rad]."""
-        rows, joints = np.stack([a, b]), np.empty((2, 2, 6))
-        shares = np.stack([1.0 - rows[:, 0], rows[:, 0]], axis=1)
-        joints[:, self._support] = shares @ self._ends.joints[:, self._support]
-        joints[:, self._ends.limb] = rows[:, 1:]
+        joints = np.empty((2, 2, 6))
+        first, last = self._ends.joints[:, self._support]
+        for k, knot in enumerate((a, b)):
+            joints[k, self._support] = (1.0 - knot[0]) * first + knot[0] * last
+            joints[k, self._ends.limb] = knot[1:]
         return joints

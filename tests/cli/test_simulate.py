@@ -15,12 +15,12 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     plan = planner.plan(("D2a:4", "D1b:3"), (6.3, 0.5, 0.35), "steps").unwrap()
     goal = " ".join(f"{x:.6f}" for x in plan.motion.base_positions[1])
     code, out, _ = run(
-        f"simulate --start D2a:4 D1b:3 --goal {goal} --cost steps --duration 9 "
+        f"simulate --start D2a:4 D1b:3 --goal {goal} --cost steps --duration 15 "
         f"--controller feedforward --speed 100 --size 64 32 --out {tmp_path / 'walk'} "
         "--station-mass 42e4"
     )
     assert code == 0
-    assert "1 of 1 steps executed, 11.0 s simulated" in out
+    assert "1 of 1 steps executed, 17.0 s simulated" in out
     assert "grasped " in out
     summary = json.loads((tmp_path / "walk" / "simulation.json").read_text())
     assert summary["success"]

@@ -16,7 +16,6 @@ from gymnasium.utils.passive_env_checker import env_render_passive_checker
 
 from mlivr_gym.envs.snapshots import snapshot_frames
 from mlivr_gym.envs.wrappers import RecordVideo
-from mlivr_gym.motion.joint_path import HOLD_TOLERANCE
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 
 SIZE = {"width": 160, "height": 120}
@@ -52,11 +51,10 @@ def changes(pictures):
 def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     """MuJoCo says where the grippers are, in all 25 configurations of each of four actions.
 
-    A single support carries the base; one that follows may slip a little between knots.
+    Between knots those of followers are within 0.2 mm of their points.
     """
     environment = gymnasium.make("MLIVR-JEM-v0", **settings)
     snapshots, graph = acted(environment, 4), environment.unwrapped.graph
-    slip = 1e-6 if graph.limbs == 2 else HOLD_TOLERANCE
     model = scene_spec(graph.grasp_map, graph.robot).compile()
     data, film = mujoco.MjData(model), snapshot_frames(graph, snapshots)
     assert [len(part) for part in film] == [1, 25, 25, 25, 25]
@@ -68,7 +66,7 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
                 if point == before[limb] or k == len(part) - 1:
                     found = data.site(f"limb{limb}/grasp").xpos
                     at = graph.grasp_map.positions[point]
-                    np.testing.assert_allclose(found, at, atol=slip)
+                    assert np.linalg.norm(found - at) < (1e-6 if graph.limbs == 2 else 2e-4)
         before = moment.state.stance
     flat = [configuration for part in film for configuration in part]
     bends = [np.abs(b[2] - a[2]).max() for a, b in itertools.pairwise(flat)]

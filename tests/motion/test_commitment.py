@@ -121,14 +121,14 @@ def check_walk(graph, states):
     motion = committed_motion(graph, states).motion
     assert motion is not None
     low, high = graph.robot.limb.windows.T
-    assert (motion.joint_positions >= low - 1e-5).all()
-    assert (motion.joint_positions <= high + 1e-5).all()
+    assert (motion.joint_positions >= low - 1e-6).all()
+    assert (motion.joint_positions <= high + 1e-6).all()
     for k, step in enumerate(motion.steps):
         path = motion.joint_path(graph.robot, k)
         np.testing.assert_allclose(path.knots[0], motion.joint_positions[k], atol=1e-7)
         np.testing.assert_allclose(path.knots[-1], motion.joint_positions[k + 1], atol=1e-7)
-        assert (path.knots >= low - 1e-5).all()
-        assert (path.knots <= high + 1e-5).all()
+        assert (path.knots >= low - 1e-6).all()
+        assert (path.knots <= high + 1e-6).all()
         # From above a point the limb comes down without a whole turn.
         for end in (slice(path.rests[1] + 1), slice(path.rests[-2], None)):
             assert np.abs(np.diff(path.knots[end], axis=0)).sum(axis=0).max() < np.pi

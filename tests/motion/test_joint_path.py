@@ -95,6 +95,7 @@ def test_supports_hold_their_points_at_knots_on_lines_and_on_splines(steps):
     judge, slips = Judge(graph), []
     for before, _, path, _ in every:
         assert judge.off(path, before, path.knots) < 1e-6
+        assert path.slips(path.knots).max() < 1e-9
         lines, splines = between(path)
         slips.append([judge.off(path, before, joints) for joints in (lines, splines)])
         np.testing.assert_array_less(path.slips(lines), HOLD_TOLERANCE)

@@ -10,10 +10,10 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.simulator import Simulation
 
 WALK = (
-    ("D2a:4", "D1b:3"), ("D2b:1", "D1b:3"), ("D2b:1", "F3b:4"), ("O5a:2", "F3b:4"),
-    ("O5a:2", "O5b:7"), ("O5b:5", "O5b:7"),
+    ("D2a:4", "D1b:3"), ("D2b:1", "D1b:3"), ("D2b:1", "D3b:7"), ("D4b:8", "D3b:7"),
+    ("D4b:8", "A6a:0"), ("A6a:8", "A6a:0"), ("A6a:8", "A6a:4"),
 )  # fmt: skip
-"""Stances of a walk in the fewest steps; which of those a planner takes does not matter here."""
+"""Stances of a walk; which of those a planner takes does not matter here."""
 
 
 @pytest.fixture(scope="module")

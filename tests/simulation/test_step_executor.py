@@ -33,8 +33,8 @@ def test_every_step_that_leaves_a_state_has_a_swing_inside_the_joint_limits(
             found = executor._committed(after)
             assert found is not None
             for joints in (found[0].knots, found[0].samples(41).joint_positions):
-                assert (joints >= low - 1e-5).all()
-                assert (joints <= high + 1e-5).all()
+                assert (joints >= low - 1e-6).all()
+                assert (joints <= high + 1e-6).all()
             steps += 1
     assert steps > 50
 
@@ -46,8 +46,8 @@ def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
 
     The plan's have six digits, as a file may have.
     """
-    graph, rng, turned = small_checked_graph, np.random.default_rng(1), set()
-    for _ in range(100):
+    graph, rng, turned = small_checked_graph, np.random.default_rng(2), set()
+    for _ in range(30):
         start, goal = sample_task(graph, rng, 0.2)
         plan = Planner(graph).plan(start.stance, goal, "steps").unwrap()
         motion = replace(plan.motion, joint_positions=plan.motion.joint_positions.round(6))
