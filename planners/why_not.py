@@ -35,7 +35,7 @@ RULES = {
     "steps": (
         {"transitions": False},
         "stances at the goal exist, but along steps support limbs would leave their branches or "
-        "joint windows, or fall below path_floor: a lower path_floor or wider joint_limits may help",
+        "joint windows or fall below path_floor: a lower path_floor or wider joint_limits may help",
     ),
 }
 """Settings that leave each rule out, and what would help, in the order in which they are left
