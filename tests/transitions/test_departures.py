@@ -78,4 +78,4 @@ def test_knots_stay_in_the_windows_with_each_flip_that_is_kept(small_map):
                 kept.append(flip)
         assert [flip for flip in range(2) if flips >> 8 * flip & 0xFF] == kept
         told[len(kept)] += 1
-    assert min(told[0], told[1]) > 0
+    assert min(told[1], told[2]) > 0
