@@ -20,7 +20,7 @@ from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.commitment import commitments, edges_along
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_parts import Step
+from mlivr_gym.motion.plan_parts import Step, step_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
@@ -113,7 +113,7 @@ def _with_best_swings(
         edge = edge._replace(line_branches=-1)
         for path, swing in commitments(graph, StepEnds.of(graph, motion, k), edge):
             if path is not None and impulse(path) < least:
-                best, least = step.along(path, swing), impulse(path)
+                best, least = step_along(step, path, swing), impulse(path)
         steps.append(best)
     return replace(plan, motion=replace(motion, steps=tuple(steps)))
 

@@ -23,7 +23,7 @@ from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.base_paths import SupportsOnPath
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.paper_motion import paper_path
-from mlivr_gym.motion.plan_parts import Motion, Step
+from mlivr_gym.motion.plan_parts import Motion, Step, step_along
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.support_line import SupportLine
 from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
@@ -301,7 +301,9 @@ class _MotionDraft:
             leader=int(limb == 0),
             displacement=float(np.linalg.norm(positions[k + 1] - positions[k])),
         )
-        return step if committed.path is None else step.along(committed.path, committed.swing)
+        if committed.path is None:
+            return step
+        return step_along(step, committed.path, committed.swing)
 
     def manipulability(self) -> tuple[Array, Array]:
         """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""

@@ -20,7 +20,7 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, flange_in_body
-from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World
+from mlivr_gym.motion.plan_parts import Motion, Query, Statistics, Step, World, step_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -255,8 +255,8 @@ def _same_swing(graph: ImplicitGraph, expected: CommittedMotion, k: int, step: S
     if expected.edges and not _is_along(step, found):
         ends = StepEnds.of(graph, expected.motion, k)
         for path, swing in commitments(graph, ends, expected.edges[k]):
-            if path is not None and _is_along(step, found.along(path, swing)):
-                return found.along(path, swing)
+            if path is not None and _is_along(step, step_along(found, path, swing)):
+                return step_along(found, path, swing)
     return found
 
 

@@ -55,10 +55,11 @@ class Step:
     """Knots of the joint path: joint angles of all limbs, which change linearly from one knot to
     the next [rad]. There are none if steps are not checked and the limbs cannot follow."""
 
-    def along(self, path: JointPath, swing: str) -> Step:
-        """Return the step along a joint path with a swing of a kind."""
-        knots = tuple(tuple(map(tuple, knot)) for knot in path.knots.tolist())
-        return replace(self, leader=path.leader, swing=swing, rests=path.rests, knots=knots)
+
+def step_along(step: Step, path: JointPath, swing: str) -> Step:
+    """Return a step along a joint path with a swing of a kind."""
+    knots = tuple(tuple(map(tuple, knot)) for knot in path.knots.tolist())
+    return replace(step, leader=path.leader, swing=swing, rests=path.rests, knots=knots)
 
 
 @dataclass(frozen=True)

@@ -46,9 +46,7 @@ evaluate --split same --episodes 3            : --episodes has no effect
 evaluate --policy astar --beam 3              : --beam has no effect
 train --method bc --shaping                   : --shaping has no effect
 dataset --episodes -3                         : --episodes is -3
-view --plan a --plan b --plan c               : --plan is given 3 times
 view --plan a --execution b                   : only one of --plan and --execution
-view --plan a --plan b --out w.html           : --out takes one plan
 view --plan a --goal 1 2 3                    : --goal has no effect with --plan
 view --execution a --cost steps               : --cost has no effect with --execution
 view --cost time --method dijkstra            : --method has no effect with --cost time

@@ -85,7 +85,7 @@ def test_what_is_gone_has_no_say_in_the_branches_of_the_start(graph):
 
 def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
     """The wall is taken away after the first step; as long as it is there, it is believed."""
-    wall = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.5, 1.0, 0.3))
+    wall = Box.between("wall", "obstacle", (3.2, -1.0, -1.0), (3.4, 1.0, 0.1))
     simulations = []
     monkeypatch.setattr(
         "mlivr_gym.closed_loop.sensing_robot.SensingRobot.start",

@@ -103,7 +103,7 @@ def test_a_plan_from_a_given_pose_keeps_clear_and_is_executed(checked_graph, pos
         grasps = grasps_of(graph, geometry.items())
         here = (motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k])
         assert not contacts(graph.robot, graph.grasp_map.boxes, here, 0.02 - 1e-9, grasps)
-    execution = execute(graph, first_steps(plan, 1), Durations.of_step(25.0))
+    execution = execute(graph, first_steps(plan, 1), Durations.of_step(40.0))
     assert execution.failure is None
     assert len(execution.captures) == 1
 

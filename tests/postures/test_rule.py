@@ -319,7 +319,7 @@ def test_the_order_of_the_candidates_shows_in_nothing(small_map):
             graph.branch,
             graph.branch_sets,
         ]
-        result = Planner(graph).plan(graph.ids(graph.points[0]), (2.4, 0.0, -0.2), "base")
+        result = Planner(graph).plan(graph.ids(graph.points[92]), (2.73, -0.04, -0.32), "base")
         steps = result.plan and (
             result.plan.stances,
             result.plan.steps,
