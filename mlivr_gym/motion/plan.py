@@ -119,6 +119,7 @@ class Plan(EqualByData):
             raise PlanError(f"k is {k}; the plan has {len(self.stances)} stances, from 0")
         return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
+    @checked()
     def joint_path(self, index: int) -> JointPath:
         """Return the joint path of a step, by its index from 0.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import scipy
 
-from mlivr_gym.arguments import NOT_NEGATIVE
+from mlivr_gym.arguments import NOT_NEGATIVE, checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.joint_path import JointPath
@@ -142,6 +142,7 @@ class Motion:
         turns = scipy.spatial.transform.Rotation.from_quat(self.base_quaternions, scalar_first=True)
         return np.asarray(turns.as_matrix())
 
+    @checked()
     def joint_path(self, robot: RobotSpec, index: int) -> JointPath:
         """Return the joint path of a step of this robot, by its index from 0.
 

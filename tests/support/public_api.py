@@ -32,7 +32,7 @@ def members(page):
         own = [n for n, one in vars(module).items() if getattr(one, "__module__", "") == name]
         for one in (getattr(module, n) for n in chosen or own if not n.startswith("_")):
             if inspect.isfunction(one):
-                found[one] = []
+                found |= {one: []} if one.__name__ not in hidden else {}
             elif inspect.isclass(one):
                 methods = [n for n, method in vars(one).items() if is_method(n, method)]
                 found[one] = [n for n in methods if n not in hidden]
