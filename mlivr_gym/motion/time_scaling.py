@@ -8,7 +8,6 @@ of the segment [s].
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -17,7 +16,6 @@ import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.joint_path import PathSegment
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 
 MAX_DURATION = 3600.0
@@ -92,15 +90,12 @@ class Durations:
         total = DURATION.read(total, FieldPath("total", SettingError))
         return cls(0.2 * total, 0.6 * total, 0.2 * total)
 
-    def time_scalings(self, segments: Sequence[PathSegment]) -> tuple[scipy.interpolate.PPoly, ...]:
+    def time_scalings(self, shares: Array) -> tuple[scipy.interpolate.PPoly, ...]:
         """Return a quintic time scaling for each segment of a step.
 
-        The segments of the swing share its duration in proportion to the square root of their
-        largest joint travel. Accelerations scale with travel over time squared, so the segments
-        then have similar accelerations.
+        The segments of its swing share the duration of that in proportion to `shares`, one each.
         """
-        roots: Array = np.sqrt([segment.travel for segment in segments[1:-1]])
-        swing = self.swing * roots / roots.sum()
+        swing = self.swing * shares / shares.sum()
         return tuple(quintic(float(time)) for time in (self.departure, *swing, self.approach))
 
 

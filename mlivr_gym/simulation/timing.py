@@ -40,7 +40,9 @@ def timed_path(path: JointPath, timing: Limits | Durations | None = None) -> Tim
     limits = timing if isinstance(timing, Limits) else Limits()
     dynamics = [segment_dynamics(path, segment, limits) for segment in path.segments]
     if isinstance(timing, Durations):
-        scalings = timing.time_scalings(path.segments)
+        # By their shortest durations, so that all segments are equally far from their limits.
+        shares = [one.binding(quintic(1.0)).duration for one in dynamics[1:-1]]
+        scalings = timing.time_scalings(np.array(shares))
         _check(dynamics, scalings, timing)
         return TimedPath(path, scalings)
     scalings = tuple(shortest_scaling(one, limits) for one in dynamics)

@@ -103,7 +103,9 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     parts = []
     for index in range(len(plan.steps)):
         path = plan.joint_path(index)
-        timed = TimedPath(path, Durations.of_step(STEP_TIME).time_scalings(path.segments))
+        # Accelerations scale with travel over time squared.
+        shares = np.sqrt([segment.travel for segment in path.segments[1:-1]])
+        timed = TimedPath(path, Durations.of_step(STEP_TIME).time_scalings(shares))
         stances = plan.stances[index : index + 2]
         parts.append(trajectory(graph.grasp_map, stances, timed, FRAME_TIME))
     return reduce(lambda before, after: after.after(before), parts)
