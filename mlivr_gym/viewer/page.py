@@ -204,11 +204,13 @@ class Page:
             draw(frame)
         recorder.insert_sleep(END)
         page: str = recorder.as_html()
+        text = html.escape(title)
         line = (
             '<div style="position:fixed;top:0.7em;left:1em;z-index:5;font:15px sans-serif;'
-            f'color:#333;pointer-events:none">{html.escape(title)}</div>'
+            f'color:#333;pointer-events:none">{text}</div>'
         )
-        page = re.sub("<title>.*?</title>", f"<title>{html.escape(title)}</title>", page, count=1)
+        # By a function, since a backslash of a name is no reference to a group.
+        page = re.sub("<title>.*?</title>", lambda _: f"<title>{text}</title>", page, count=1)
         return page.replace("<body>", f"<body>{line}", 1)
 
     def close(self) -> None:

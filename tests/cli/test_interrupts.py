@@ -109,6 +109,28 @@ print("went on")
     assert done.stderr == "mlivr-gym: interrupted\n"
 
 
+@pytest.mark.parametrize("before", [0, 1])
+def test_an_interruption_ends_what_does_not_respond(before):
+    """As compiled code; also one that comes after another that was handled, as while saving."""
+    code = f"""
+import ctypes, os, signal, threading
+from mlivr_gym.cli.exits import handle_interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
+with handle_interrupts(0.1):
+    for _ in range({before}):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            pass
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # of this thread alone
+    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+    ctypes.CDLL(None).sleep(20)
+print("went on")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "mlivr-gym: interrupted\n")
+
+
 def test_a_program_that_imports_the_package_keeps_its_own_handler():
     code = """
 import signal, sys

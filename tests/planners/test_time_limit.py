@@ -228,6 +228,12 @@ def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
             now[0] += last
         assert seen == list(range(5000))
     assert len(list(Clock().pieces("any", 5000))) == 1
+    took = []
+    for each in (1e-6, 1e-4):  # as where the machine is given other work
+        for piece in clock.pieces("slower", 50_000):
+            took.append(each * (piece.stop - piece.start))
+            now[0] += took[-1]
+    assert max(took[-9:]) <= 2.0 * PIECE
     clock = Clock(now[0] + 1.0)
     seen = clock.pieces("dear", 5000)
     for _ in range(4):

@@ -1,5 +1,6 @@
 """The page, without a browser."""
 
+import html
 from http.client import HTTPConnection
 
 import pytest
@@ -27,6 +28,14 @@ def test_a_host_that_is_not_there_is_refused():
 def test_nothing_is_printed(capsys):
     Page("127.0.0.1", 0, "quiet").close()
     assert capsys.readouterr().out == ""
+
+
+def test_a_title_is_text_on_an_exported_page(page):
+    """Names of robots are part of it, and may be of a file of somebody else."""
+    title = r"<script>alert('\1')</script> & \g<0>"
+    content = page.record([0], 0.1, lambda frame: None, title)
+    assert content.count(html.escape(title)) == 2
+    assert title not in content
 
 
 def test_what_is_removed_takes_along_what_is_below(page):
