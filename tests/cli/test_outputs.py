@@ -147,8 +147,10 @@ def test_what_is_no_plain_file_may_be_an_output(tmp_path, capsys, kind):
     if kind == "link":
         with pytest.raises(FileError, match="two outputs have this name"):
             check_outputs(out, end)
-        with pytest.raises(FileError, match="it is the file of --map"):
-            check_outputs(out, inputs={end: "--map"})
+        for one, other in ((out, end), (end, out)):
+            inputs = input_files(argparse.Namespace(map=str(one)))
+            with pytest.raises(FileError, match="it is the file of --map"):
+                check_outputs(other, inputs=inputs)
     out.unlink()
     out.symlink_to(tmp_path / "no" / "file")
     with pytest.raises(FileError, match=r"folder '.*no' does not exist"):

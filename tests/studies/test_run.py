@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import textwrap
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -47,6 +48,17 @@ def rows(small_blocks):
 
 def untimed(rows):
     return [{name: value for name, value in row.items() if name != "seconds"} for row in rows]
+
+
+def test_an_interruption_ends_processes_that_work():
+    """They would finish their blocks, which may take hours."""
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), executor_of("local", 1) as pool:
+        job = pool.submit(time.sleep, 60.0)
+        while not job.running():
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+    assert time.monotonic() - began < 40.0
 
 
 def test_rows_are_plans_of_equal_tasks(rows):

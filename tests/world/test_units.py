@@ -76,11 +76,12 @@ RAILS = [
     "data",
     [
         {"segments": RAILS},
+        {"segments": [SEGMENT | {"start": [0, 876, 0], "end": [80, 876, 80]}]},
         {"segments": RAILS, "spacing": 200},
         wall([0, 876, 0], [200, 876, 0], [0, 900, 0], [200, 900, 0]),
         wall([0, -876, 0]),
     ],
-    ids=["rails", "rails with a spacing", "points", "one point"],
+    ids=["rails", "a diagonal rail", "rails with a spacing", "points", "one point"],
 )
 def test_what_looks_like_another_unit_is_refused_until_it_says_its_own(data):
     words = r"looks like another unit: give the unit, one of 'mm', 'cm', 'in', 'ft', or 'm' for m"
