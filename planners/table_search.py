@@ -95,7 +95,10 @@ class TableSearch(PathSearch):
         self._origin_paths = [start]
         if state.pose is not None:
             # Steps that leave a given base pose are no edges of the table.
-            steps = self.graph.successors(state)
+            nodes = self.graph.neighbouring_nodes(state.stance)
+            steps = self.graph.steps_to_nodes(
+                state, *nodes, lambda k: self.clock.pieces("steps", k)
+            )
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             self._origin_paths = [
                 StatePath((state, after), np.stack([here, position]))
@@ -177,6 +180,8 @@ class TableSearch(PathSearch):
             rows = np.flatnonzero((bounds.h < np.inf) & lazy_table.unchecked)
             if not len(rows):
                 return
+            h, last = bounds.h[rows], min(chosen, len(rows)) - 1
+            rows = rows[h <= np.partition(h, last)[last]]  # to sort a million takes long
             rows = rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]]
             for first in range(0, chosen, NODES_CHECKED_AROUND_GOAL):
                 if self.is_late:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
-from mlivr_gym.transitions.state import State, moving_limb
+from mlivr_gym.transitions.state import State, Successors, moving_limb
 
 
 class CheckedSteps(ChangingWorld):
@@ -83,6 +83,27 @@ class CheckedSteps(ChangingWorld):
         branch_sets = np.array([s.branch_sets for s in states], dtype=np.int64)[before]
         steps = self.checks.steps(found, before, np.arange(len(states), len(points)), branch_sets)
         return self.branch_sets_of_steps(steps, found)
+
+    def steps_to_nodes(
+        self,
+        state: State,
+        stances: IntArray,
+        postures: Postures,
+        pieces: Callable[[int], Iterable[slice]] = lambda count: (slice(count),),
+    ) -> Successors:
+        """Return the steps from a state to k nodes, shape (k, N), with their postures.
+
+        They are checked in pieces, by default at once, into which a function divides a number.
+        """
+        here, found = self.posture_of(state), [postures.branch_sets[:0]]
+        for piece in pieces(len(stances)):
+            after, first = stances[piece], np.zeros(len(stances[piece]), dtype=np.int64)
+            found.append(self.branch_sets_after([state], here, first, after, postures.take(piece)))
+        branch_sets = np.concatenate(found)
+        kept = branch_sets.all(axis=1)
+        limb = (stances[kept] != state.stance).argmax(axis=1)
+        point, position = stances[kept, limb], postures.base_position[kept]
+        return Successors(limb, point, position, branch_sets[kept])
 
     def branch_sets_of_steps(self, steps: Any, stances: StanceArrays) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.

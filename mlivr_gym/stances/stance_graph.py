@@ -342,13 +342,7 @@ class StanceGraph(CheckedSteps):
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
-        stances, postures = self.neighbouring_nodes(state.stance)
-        first, here = np.zeros(len(stances), dtype=np.int64), self.posture_of(state)
-        found = self.branch_sets_after([state], here, first, stances, postures)
-        kept = found.all(axis=1)
-        limb = (stances[kept] != state.stance).argmax(axis=1)
-        point = stances[kept, limb]
-        return Successors(limb, point, postures.base_position[kept], found[kept])
+        return self.steps_to_nodes(state, *self.neighbouring_nodes(state.stance))
 
     @checked(late=True)
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:

@@ -147,6 +147,10 @@ def known_steps():
     return graph
 
 
+def two_limbs_among_obstacles():
+    return among_obstacles(unknown_steps(), small_table(2)[1].base_position)
+
+
 CASES = {
     "two limbs, steps known": known_steps,
     "table of three limbs": lambda: small_table(3)[0],
@@ -154,9 +158,7 @@ CASES = {
     "table of four limbs, obstacles": lambda: over_a_table(4),
     "three limbs without a table": without_a_table,
     "two limbs, steps unknown": unknown_steps,
-    "two limbs, obstacles": lambda: among_obstacles(
-        unknown_steps(), small_table(2)[1].base_position
-    ),
+    "two limbs, obstacles": two_limbs_among_obstacles,
 }
 """Graphs whose searches work in all ways that there are."""
 
