@@ -23,13 +23,14 @@ from itertools import count, islice
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
-from mlivr_gym.planners.check_budget import CheckBudget
 from mlivr_gym.planners.check_history import CheckHistory
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
     ARRAYS_FULL,
@@ -246,15 +247,12 @@ class TableSearch(PathSearch):
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
         weights = cost_weights(goal.cost)
         search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
-        checks = CheckBudget(self, lazy_table)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
-            clock=self.clock, check=checks,
+            clock=self.clock, check=self._check_edges,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        if checks.is_spent:
-            return goal_bounds
         explored = self._labels.expanded[: found.expanded]
         exact = np.full(len(start_bounds), np.inf)
         np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
@@ -327,18 +325,18 @@ class TableSearch(PathSearch):
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
-        limit, checks = min(parameters.max_expansions, limit), CheckBudget(self, lazy_table)
+        limit = min(parameters.max_expansions, limit)
         search_graph = SearchGraph(
             lazy_table.table, known, cost_weights(goal_bounds.cost), unchecked=lazy_table.unchecked
         )
         if stage.ordered_by_checks:
             search_graph = self._check_history.ordered(search_graph, goal_bounds.cost)
             parameters = self._check_history.limited(parameters)
-        found = checks.outcome(cheapest_path(
+        found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
-            clock=self.clock, check=checks, check_nodes=self._check_nodes,
-        ))  # fmt: skip
+            clock=self.clock, check=self._check_edges, check_nodes=self._check_nodes,
+        )  # fmt: skip
         self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
@@ -348,6 +346,16 @@ class TableSearch(PathSearch):
         if self._proves(stage) and admissible:
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
+
+    def _check_edges(
+        self, edges: IntArray, branch_sets: NDArray[np.uint64]
+    ) -> NDArray[np.uint64]:
+        """Check edges, see `LazyTable.branch_sets_after`; `OutOfTime` once the effort is spent."""
+        if self.effort >= self.search.effort:
+            raise OutOfTime
+        pieces = self.clock.pieces("edges", len(edges))
+        after = [self._lazy_table.branch_sets_after(edges[k], branch_sets[k]) for k in pieces]
+        return np.concatenate([branch_sets[:0], *after])
 
     def _proves(self, stage: SearchStage) -> bool:
         """Return whether the lower bound of a search holds for all plans.
