@@ -65,6 +65,10 @@ FIRST_EXPANSION_LIMIT = 50
 LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
 
+WITH_OLD_BOUNDS = 1000
+"""Labels that a search expands with bounds from before some points were occupied, which mostly lead
+to the goal; to expand this many takes less time than to compute new bounds."""
+
 CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**4
 """The limit before which all nodes are checked against obstacles, so that bounds over what is left
 show whether these cut the goal off."""
@@ -147,12 +151,13 @@ class TableSearch(PathSearch):
         if lazy_table.label_independent and not is_complete:
             yield from self._improved_bounds(known or self._bounds(goal))
             return
-        if known is not None and (
-            lazy_table.label_independent or known.occupied == self.graph.occupied
-        ):
+        if known is not None and known.occupied == self.graph.occupied:
             yield known, stages
             return
-        if known is not None:
+        if known is not None and lazy_table.label_independent:
+            few = stages[0].parameters._replace(max_expansions=WITH_OLD_BOUNDS)
+            yield known, (SearchStage(few),)
+        elif known is not None:
             is_quick = first == (FIRST_PATH,) and goal.cost.base_weight
             yield known, (QUICK_FIRST_PATH,) if is_quick else first
         if goal.cost.base_weight and not (lazy_table.label_independent or self.has_path):

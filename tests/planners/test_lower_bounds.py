@@ -230,6 +230,20 @@ def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cos
     assert len(bounds._cached_bounds) == CACHED_GOALS[1]
 
 
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_what_is_known_of_a_goal_does_not_delay_the_proof_that_it_is_cut_off(cost):
+    """Bounds from before the points of the goal were occupied lead nearly everywhere."""
+    graph, query = stance_graph(), (("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost)
+    planner = Planner(graph)
+    assert planner.plan(*query)
+    graph.occupy(["O5b:0", "O5b:7"])
+    assert Planner(graph).plan(*query).reason == "search exhausted"
+    for most in (table_search.WITH_OLD_BOUNDS, 0):
+        found = planner.plan(*query)
+        assert found.reason == "search exhausted"
+        assert found.expanded <= most
+
+
 def taking(graph, held):
     """With each point taken that a stance does not hold, one after the other."""
     for point in np.setdiff1d(np.arange(len(graph.grasp_map)), held).tolist():
