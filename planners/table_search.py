@@ -226,12 +226,6 @@ class TableSearch(PathSearch):
         """The history of checks, with three or four limbs among obstacles."""
         return CheckHistory(self._lazy_table)
 
-    def proves(self, cost: float) -> bool:
-        """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
-        h = self._bounds_of_rest(self._bounds(self.goal)).h[self._origins.nodes]
-        least = float((self._origins.cost + h).min(initial=np.inf))
-        return cost <= least * (1.0 + COST_TOLERANCE)
-
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
         is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
@@ -352,9 +346,7 @@ class TableSearch(PathSearch):
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
 
-    def _check_edges(
-        self, edges: IntArray, branch_sets: NDArray[np.uint64]
-    ) -> NDArray[np.uint64]:
+    def _check_edges(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Check edges, see `LazyTable.branch_sets_after`; `OutOfTime` once the effort is spent."""
         if self.effort >= self.search.effort:
             raise OutOfTime
