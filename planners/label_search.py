@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import (
     NO_BRANCHES,
@@ -35,7 +35,7 @@ from mlivr_gym.compiled.limb_branch_sets import (
     supports_of,
 )
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, degree, edge_cost
+from mlivr_gym.planners.backward_search import degree, edge_cost
 from mlivr_gym.planners.bucket_queue import (
     NO_ENTRY,
     bucket_width,
@@ -45,19 +45,21 @@ from mlivr_gym.planners.bucket_queue import (
     queue_lower_bound,
     requeue,
 )
-from mlivr_gym.planners.checked_edges import slot_of
+from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.planners.clock import UNLIMITED, Clock, OutOfTime
+from mlivr_gym.planners.costs import CostWeights
 from mlivr_gym.planners.labels import (
     CAPACITY,
     CHECK_BATCH,
     NO_LABEL,
+    NO_NODES,
     NODE_BATCH,
     Labels,
     NodeOrigins,
     NodePath,
 )
-from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.stances.node_edges import branches_lost, row_of
+from mlivr_gym.stances.node_table import NodeTable
 
 CLOCK_INTERVAL = 1 << 14
 """Maximum number of labels taken from the queue between two readings of the clock."""
@@ -73,6 +75,19 @@ after them, 0 for an edge that is no step."""
 
 NodeCheck = Callable[[IntArray], None]
 """Function that checks nodes, given by their rows: it removes branches of the table."""
+
+
+class SearchGraph(NamedTuple):
+    """The graph of a search: nodes, edges checked so far, and the cost to minimise."""
+
+    table: NodeTable
+    """The nodes, with an upper bound of the branches kept on each edge."""
+    checked_edges: CheckedEdges
+    """Edges that were checked, with the branches that they keep."""
+    weights: CostWeights
+    """Weights of the cost."""
+    unchecked: BoolArray = NO_NODES
+    """Nodes to be checked when a label of them is popped, shape (n,), or (0,) if there are none."""
 
 
 class SearchParameters(NamedTuple):
@@ -177,8 +192,7 @@ def cheapest_path(
     for name, value in parameters._asdict().items():
         status[name] = value
     status["incumbent_cost"], status["incumbent"] = cost_limit, NO_LABEL
-    h_origins = search_graph.delays.added_to(h, origins.nodes)
-    estimates = status["cost_weight"] * origins.cost + h_origins
+    estimates = status["cost_weight"] * origins.cost + h[origins.nodes]
     labels.reset_nodes()
     labels.queue.reset(float(estimates.min(initial=np.inf)), bucket_width(search_graph.weights))
     end = PAUSED
@@ -231,7 +245,7 @@ def _search(
                     return ARRAYS_FULL
                 _add_label(labels, s, origins.branch_sets[k], cost, -1 - k, -1)
                 labels.checked[queue.status.entry_count] = True
-                push(queue, status.cost_weight * cost + _estimate(search_graph, h, s), s)
+                push(queue, status.cost_weight * cost + h[s], s)
     while True:
         if count == status.clock_interval:
             return PAUSED
@@ -245,7 +259,7 @@ def _search(
         proved = queue_lower_bound(queue) >= status.cost_weight * status.incumbent_cost
         if status.incumbent != NO_LABEL and proved:
             return SEARCH_COMPLETE
-        if not cost + _estimate(search_graph, h, s) < status.incumbent_cost:
+        if not cost + h[s] < status.incumbent_cost:
             continue
         branch_sets = labels.branch_sets[label]
         if _awaits_check(search_graph, status, labels, label):
@@ -291,7 +305,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, delays, _ = search_graph
+    table, checked_edges, weights, _ = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -314,31 +328,19 @@ def _expand(
                 & supports_of(table.branch_sets[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
-            weight = 1.0
             if checked_edges.has_edges[s]:
                 slot = slot_of(checked_edges, row + k)
                 if checked_edges.keys[slot] == row + k:
                     kept &= checked_edges.kept[slot]
-                    weight = delays.weight_of_checked
             if not each_keeps_one(kept, limbs):
                 continue
-            cost = labels.cost[label] + weight * edge_cost(table, s, other, weights)
-            estimate = _estimate(search_graph, h, other)
-            if not cost + estimate < status.incumbent_cost:
+            cost = labels.cost[label] + edge_cost(table, s, other, weights)
+            if not cost + h[other] < status.incumbent_cost:
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)
             if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
                 _add_label(labels, other, after, cost, label, row + k)
-                push(labels.queue, status.cost_weight * cost + estimate, other)
-
-
-@kernel
-def _estimate(search_graph: SearchGraph, h: Array, s: int) -> float:
-    """Return the cost from a node to the goal by which the open queue is ordered."""
-    delays = search_graph.delays
-    if len(delays.place) == 0 or h[s] == 0.0:
-        return float(h[s])
-    return max(float(h[s] + delays.of_place[delays.place[s]]), MIN_COST_OUTSIDE_GOAL)
+                push(labels.queue, status.cost_weight * cost + h[other], other)
 
 
 @kernel

@@ -1,10 +1,9 @@
 """Fewest steps of two limbs to a goal, over steps of which few were checked (compiled).
 
-A step that was not checked is assumed to keep all branches that both of its stances have, or those
-that it keeps without obstacles if all steps without them are known. So the fewest steps over the
-graph bound those of every plan from below. A *support* is a stance at which one limb stays on one
-branch while the other moves next; an *arrival* is one at which the other limb has just grasped.
-After it that limb may move again, or the supporting one if it can be released.
+A step that was not checked is assumed to keep all branches that both of its stances have. So the
+fewest steps over the graph bound those of every plan from below. A *support* is a stance at which
+one limb stays on one branch while the other moves next; an *arrival* is one at which the other limb
+has just grasped. After it that limb may move again, or the supporting one if it can be released.
 
 The search goes from row to row, see `TwoLimbTable`. While the steps of a row are not checked, one
 arrival reaches all its supports, so the time is in proportion to the stances, not to the steps.
@@ -65,8 +64,6 @@ class Levels(NamedTuple):
 
     is_goal: BoolArray
     """Whether each stance is at the goal, shape (n,)."""
-    has_bounds: bool
-    """Whether the table has the branches that unchecked steps keep at most; 0 if unknown."""
     is_checked: BoolArray
     """Whether steps of a support limb from or to a stance may have been checked, shape (n, 2)."""
     releasable: NDArray[np.int32]
@@ -99,7 +96,7 @@ class Levels(NamedTuple):
     """The stances of a frontier in one row, shape (n,)."""
 
     @classmethod
-    def allocate(cls, is_goal: BoolArray, table: TwoLimbTable, has_bounds: bool) -> Levels:
+    def allocate(cls, is_goal: BoolArray, table: TwoLimbTable) -> Levels:
         """Allocate arrays for the stances of a goal."""
         n, m = len(is_goal), table.degree.shape[1]
         reached, fresh, unchecked, on_level, ahead = np.zeros((5, 2, n, 2), dtype=np.int32)
@@ -112,7 +109,7 @@ class Levels(NamedTuple):
         releasable = np.zeros((n, 2), dtype=np.int32)
         frontiers = reached, fresh, unchecked, on_level, ahead, frontier, size
         rows = waiting, waiting_size, active, is_active, group
-        return cls(is_goal, has_bounds, is_checked, releasable, log, *frontiers, *rows)
+        return cls(is_goal, is_checked, releasable, log, *frontiers, *rows)
 
 
 @kernel
@@ -179,8 +176,7 @@ def kept_at_most(
     support: int, before: int, after: int, table: TwoLimbTable, levels: Levels
 ) -> tuple[int, int]:
     """Return branches that a support limb keeps at most on a step, and 1 if it is unchecked."""
-    is_checked = levels.is_checked[before, support] and levels.is_checked[after, support]
-    if is_checked or levels.has_bounds:
+    if levels.is_checked[before, support] and levels.is_checked[after, support]:
         edge = table.edges[edge_index(support, before, after, table)]
         if edge.known:
             return branches_kept(edge), 0

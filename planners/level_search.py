@@ -28,9 +28,8 @@ from mlivr_gym.stances.two_limb_steps import TwoLimbTable, edge_indices
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State
 
-LEAST_ALTERNATIVES, AMONG_OBSTACLES = 48, 400
-"""Maximum number of steps of a cut that are checked at once, if few stances are left, and the same
-if all steps without obstacles are known: to check one again takes less time."""
+LEAST_ALTERNATIVES = 48
+"""Maximum number of steps of a cut that are checked at once, if few stances are left."""
 
 STANCES_PER_ALTERNATIVE = 256
 """Number of stances left for each of them, if many are: on a large map it takes longer to search
@@ -46,14 +45,9 @@ class LevelSearch(PathSearch):
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
         is_goal = self.goal.reached(graph.base_position, graph.points)
-        self._goals, has_bounds = np.flatnonzero(is_goal), graph.is_complete_without_obstacles
-        self._levels = Levels.allocate(is_goal, graph.steps, has_bounds)
-        if has_bounds:
-            before, after, edges = graph.checked_edges
-            is_step = graph.steps.edges["kept"][edges] != 0
-            self._levels.is_checked[before[is_step]] = True
-            self._levels.is_checked[after[is_step]] = True
-        elif graph.steps.releases["known"].any():
+        self._goals = np.flatnonzero(is_goal)
+        self._levels = Levels.allocate(is_goal, graph.steps)
+        if graph.steps.releases["known"].any():
             self._levels.is_checked[...] = _with_known_steps(graph.steps)
         self._explored: list[IntArray] = []
         self._fewest, self._too_far = -1, np.zeros_like(is_goal)
@@ -65,16 +59,10 @@ class LevelSearch(PathSearch):
         """Return whether a query is one for the fewest steps of two limbs with unknown steps.
 
         Among obstacles few steps of a complete table are to be checked, for which `table_search` is
-        quicker, unless it has to expand many, see `may_follow`.
+        quicker.
         """
         unknown = isinstance(graph, TwoLimbGraph) and not graph.is_complete_without_obstacles
         return unknown and search.heuristic == "relaxed" and not search.goal.cost.base_weight
-
-    @staticmethod
-    def may_follow(graph: TwoLimbGraph, search: SearchQuery) -> bool:
-        """Return whether it may follow on `table_search`: for fewest steps among obstacles."""
-        is_lazy = search.heuristic == "relaxed" and not graph.is_table_complete
-        return is_lazy and not search.goal.cost.base_weight
 
     def _set_origins(self) -> None:
         """Set the states at which paths over stances of the graph may start."""
@@ -118,7 +106,7 @@ class LevelSearch(PathSearch):
         table, nodes, releasable = self.graph.steps, self._origins.nodes, self._levels.releasable
         known, branches = table.releases["known"], table.releases["branches"]
         releasable[...] = table.branch_sets
-        releasable[...] &= np.where(known | self._levels.has_bounds, branches, ALL)
+        releasable[...] &= np.where(known, branches, ALL)
         can_move = self._branch_sets & releasable[nodes] != 0
         self._origins.supports[...] = np.where(can_move[:, ::-1], self._branch_sets, 0)
 
@@ -196,8 +184,7 @@ class LevelSearch(PathSearch):
         steps = cuts.steps[smallest, : cuts.size[smallest]]
         moved = np.linalg.norm(position[steps[:, 1]] - position[steps[:, 2]], axis=1)
         count = np.count_nonzero(~self._too_far) // STANCES_PER_ALTERNATIVE
-        least = AMONG_OBSTACLES if self._levels.has_bounds else LEAST_ALTERNATIVES
-        first = np.lexsort((moved, steps[:, 3]))[: max(count, least)]
+        first = np.lexsort((moved, steps[:, 3]))[: max(count, LEAST_ALTERNATIVES)]
         return np.asarray(steps[first, :3])
 
     def _state_path(self, path: IntArray) -> StatePath:

@@ -1,16 +1,14 @@
-"""Stages of the search over a table: search parameters, used in order until a path is optimal.
+"""Stages of the search over a table of three or four limbs, used in order until a path is optimal.
 
-With two limbs one stage suffices. With more limbs the search is an anytime search: weighted A* with
-decreasing weights finds a first path soon and better ones later, as in ARA* (Likhachev, Gordon and
-Thrun 2003), but every stage starts anew (Richter, Thayer and Ruml 2010), with the incumbent of the
-stage before. What a check of an edge finds then holds for the label at hand alone, so that stages
-which use earlier checks find paths, and stages which ignore them prove lower bounds. The last stage
-proves the optimum, whatever the checks find.
+It is an anytime search: weighted A* with decreasing weights finds a first path soon and better ones
+later, as in ARA* (Likhachev, Gordon and Thrun 2003), but every stage starts anew (Richter, Thayer
+and Ruml 2010), with the incumbent of the stage before. What a check of an edge finds then holds for
+the label at hand alone, so that stages which use earlier checks find paths, and stages which ignore
+them prove lower bounds. The last stage proves the optimum, whatever the checks find.
 """
 
 from __future__ import annotations
 
-import sys
 from typing import NamedTuple
 
 from mlivr_gym.planners.label_search import SearchParameters
@@ -26,27 +24,12 @@ class SearchStage(NamedTuple):
     among the paths of the stage. Its result then bounds the cost of all plans from below, if the
     weight of the cost is 1 or the queue was exhausted. Of no effect with two limbs, whose checks
     hold for all labels."""
-    only_after_exhaustion: bool = False
-    """Whether the stage is skipped unless the stage before exhausted its queue without a path."""
-    max_searches: int | None = None
-    """Number of searches after which the stage ends, by default none."""
-    ordered_by_checks: bool = False
-    """Whether the results of checks order the queue, see `check_history`. Such a stage finds paths
-    among obstacles, and proves nothing."""
-    max_relaxations: int = 0
-    """How often in a row the limit of labels may be reached, each time with a relaxed order or a
-    larger limit, see `CheckHistory.relax`, before the stage ends."""
 
 
-FIRST_PATH_PARAMETERS = 1.0 / 1.3, 8
-"""Weight of the cost so far, and maximum number of labels of a node, for a first path."""
+def weighted(weight: float) -> SearchStage:
+    """Return a stage of weighted A*, with few labels of a node."""
+    return SearchStage(SearchParameters(1.0 / weight, labels_per_node=8))
 
-FIRST_PATH, QUICK_FIRST_PATH = (
-    SearchStage(SearchParameters(*FIRST_PATH_PARAMETERS)),
-    SearchStage(SearchParameters(*FIRST_PATH_PARAMETERS, 100_000)),
-)
-"""The stage that finds a first path, and the same with fewer labels where another stage can
-follow."""
 
 BY_WEIGHT = SearchStage(
     SearchParameters(labels_per_node=8, max_expansions=200, check_when_popped=True)
@@ -65,34 +48,20 @@ EXACT_STAGES = (
 checked so far, and the cheapest plan, for which every edge is checked with the label at hand and no
 label is dropped unless an equal one costs no more."""
 
-STAGES = FIRST_PATH, SearchStage(SearchParameters(1.0 / 1.1, 8)), *EXACT_STAGES
+STAGES = weighted(1.3), weighted(1.1), *EXACT_STAGES
 """The stages without obstacles, in order: two that find paths, and those that prove the optimum."""
 
-ENCLOSURE_PROBE = SearchStage(
-    SearchParameters(0.5, max_expansions=300, check_when_popped=True), ignores_checked_edges=True
-)
-"""A short search that exhausts its queue if obstacles enclose the start. That proves nothing yet,
-since dominance may have dropped a label that leads out."""
+FEW_LABELS = 100_000
+"""Maximum number of labels of a search after which another one with better bounds, or of smaller
+weight, can follow."""
 
-ENCLOSURE_PROOF = SearchStage(
-    SearchParameters(0.5, max_expansions=300, check_when_popped=True, equal_only=True),
-    ignores_checked_edges=True,
-    only_after_exhaustion=True,
-)
-"""The same search without dominance between different labels. It expands every state that can be
-reached, so if it exhausts its queue, too, it proves that no plan exists."""
 
-FIRST_PATH_AMONG_OBSTACLES = SearchStage(
-    SearchParameters(1.0 / 3.0, labels_per_node=2, max_labels=25_000),
-    ordered_by_checks=True,
-    max_relaxations=sys.maxsize,
-)
-"""The stage that finds a first path among obstacles."""
+def first_of(stages: tuple[SearchStage, ...]) -> tuple[SearchStage]:
+    """Return the first stage with few labels."""
+    few = stages[0].parameters._replace(max_labels=FEW_LABELS)
+    return (stages[0]._replace(parameters=few),)
 
-QUICK_FIRST_PATH_AMONG_OBSTACLES = FIRST_PATH_AMONG_OBSTACLES._replace(
-    max_searches=50, max_relaxations=3
-)
-"""The same with little effort, before further nodes are checked against the obstacles."""
 
-OBSTACLE_STAGES = ENCLOSURE_PROBE, ENCLOSURE_PROOF, FIRST_PATH_AMONG_OBSTACLES, *STAGES
-"""The stages among obstacles, in order."""
+OBSTACLE_STAGES = *first_of((weighted(3.0),)), *STAGES
+"""The stages among obstacles, where many a path turns out to be blocked: a larger weight comes
+first, with which each takes less time to find."""

@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -38,11 +36,6 @@ from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
-FEW_EXPANSIONS = 250
-"""Expansions after which fewest steps of two limbs among obstacles are searched for by levels: if
-the limbs are on other branches than those on which the way is short, the bounds of `table_search`,
-which know no branches, leave most of the graph to be expanded."""
-
 
 def path_along(
     graph: StanceGraph,
@@ -61,45 +54,6 @@ def path_along(
     return SearchResult(GOAL_REACHED, states, cost, 0, 0, np.zeros((0, 2, 3)))
 
 
-class FollowedPath(NamedTuple):
-    """A path of minimum cost, and the world in which it was found."""
-
-    states: tuple[State, ...]
-    """Its states."""
-    goal: tuple[Any, ...]
-    """Key of its goal."""
-    version: int
-    """Version of the world, see `ChangingWorld.version`."""
-
-    def remainder(
-        self, graph: StanceGraph, search: SearchQuery, start: State
-    ) -> SearchResult | None:
-        """Return what remains of the path from a state on it, None if it cannot be followed.
-
-        It has minimum cost unless a limb that can no longer fold may be released on another branch
-        instead, see `has_lost_only`; `TableSearch.proves` may rule that out, too.
-        """
-        place = next((k for k, state in enumerate(self.states) if _includes(state, start)), None)
-        is_valid = search.goal.key == self.goal and graph.has_all_since(self.version)
-        if place is None or not is_valid:
-            return None
-        stances = [after.stance for after in self.states[place + 1 :]]
-        found = path_along(graph, start, stances, search.goal.cost.of_path)
-        return found and replace(found, bound=1.0)
-
-    def has_lost_only(self, graph: StanceGraph) -> bool:
-        """Return whether the graph has lost steps since at most, of all that were known then."""
-        is_next = graph.version == self.version + 1 and not graph.has_gained
-        return graph.version == self.version or is_next
-
-
-def _includes(state: State, other: State) -> bool:
-    """Return whether a robot in the other state is in a state as well."""
-    branch_sets = zip(state.branch_sets, other.branch_sets, strict=True)
-    same = state.stance == other.stance and state.pose == other.pose
-    return same and all(one & both == both for one, both in branch_sets)
-
-
 class GraphSearcher:
     """The searches of one stance graph; see the module for which."""
 
@@ -107,7 +61,6 @@ class GraphSearcher:
         """Prepare to search a graph; stance sets are built if not cached and `build_sets`."""
         self.graph, self.build_sets = graph, build_sets
         self._lower_bounds: LowerBounds | None = None
-        self._followed: FollowedPath | None = None
 
     def lower_bounds(self) -> LowerBounds | None:
         """Return the lower bounds over the table of the graph, or None if it has no table."""
@@ -139,42 +92,9 @@ class GraphSearcher:
             return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            found, followed, first = None, self._followed, search
-            if isinstance(graph, TwoLimbGraph) and LevelSearch.may_follow(graph, search):
-                first = replace(search, limit=min(search.limit, FEW_EXPANSIONS))
-            table_search = TableSearch(lower_bounds, first, start)
-            if graph.obstacles and search.heuristic == "relaxed" and followed is not None:
-                found = followed.remainder(graph, search, start)
-            is_cheapest = (
-                found is not None
-                and followed is not None
-                and (table_search.proves(found.cost) or followed.has_lost_only(graph))
-            )
-            if not is_cheapest:
-                found = run_search(table_search)
-                is_cut = found is not None and found.status == LIMIT_REACHED
-                if is_cut and first.limit < search.limit and not table_search.is_late:
-                    rest = replace(search, effort=search.effort - table_search.effort)
-                    found = self._continued(lower_bounds, rest, start)
-            if found is not None and found.bound == 1.0:
-                self._followed = FollowedPath(found.states, search.goal.key, graph.version)
-            return found
+            return run_search(TableSearch(lower_bounds, search, start))
         assert isinstance(graph, ImplicitGraph)
         return run_search(ImplicitSearch(graph, search, start))
-
-    def _continued(
-        self, lower_bounds: LowerBounds, search: SearchQuery, start: State
-    ) -> SearchResult | None:
-        """Search for fewest steps by levels, unless the bounds show that the goal is cut off.
-
-        They do if all stances are checked.
-        """
-        assert isinstance(self.graph, TwoLimbGraph)
-        lower_bounds.lazy_table.check_nodes(np.arange(len(self.graph)), search.clock)
-        table_search = TableSearch(lower_bounds, search, start)
-        if table_search.proves(np.inf):
-            return run_search(table_search)
-        return run_search(LevelSearch(self.graph, search, start))
 
     def _prepare_tables(self, graph: ImplicitGraph, search: SearchQuery) -> None:
         """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.

@@ -18,22 +18,21 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import cached_property, partial
-from itertools import count, islice
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
-from mlivr_gym.planners.check_budget import CheckBudget
-from mlivr_gym.planners.check_history import CheckHistory
 from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import (
-    ARRAYS_FULL,
     SEARCH_COMPLETE,
+    SearchGraph,
     SearchParameters,
     cheapest_path,
 )
@@ -41,28 +40,26 @@ from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import Goal, SearchQuery
-from mlivr_gym.planners.search_graph import SearchGraph
 from mlivr_gym.planners.search_stages import (
     BY_WEIGHT,
     EXACT_STAGES,
-    FIRST_PATH,
     OBSTACLE_STAGES,
-    QUICK_FIRST_PATH,
-    QUICK_FIRST_PATH_AMONG_OBSTACLES,
     STAGES,
     SearchStage,
+    first_of,
 )
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.transitions.state import State
-
-NODES_CHECKED_AROUND_GOAL = 20_000
-"""Nodes that are checked around the goal at first, and at most before the effort is compared."""
 
 FIRST_EXPANSION_LIMIT = 50
 """Labels that a search expands before one from the other end improves the lower bounds."""
 
 LIMIT_GROWTH = 4
 """Factor by which this limit grows after a search from either end."""
+
+WITH_OLD_BOUNDS = 1000
+"""Labels that a search expands with bounds from before some points were occupied, which mostly lead
+to the goal; to expand this many takes less time than to compute new bounds."""
 
 CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**4
 """The limit before which all nodes are checked against obstacles, so that bounds over what is left
@@ -77,7 +74,7 @@ class TableSearch(PathSearch):
         super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
         self._checks_before, self._last_expanded = self._lazy_table.check_effort, 0
-        self._is_complete = self._is_exhausted = self._is_full = False
+        self._is_complete = self._is_exhausted = False
         self._labels = lower_bounds.labels
         self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         self._origin_paths: list[StatePath] = []
@@ -114,83 +111,60 @@ class TableSearch(PathSearch):
         self._origins = NodeOrigins(rows, packed(branch_sets), costs)
 
     def _bounds_with_stages(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
-        """Yield lower bounds in turn, each with the stages of the search that use it.
+        """Yield lower bounds in turn, each with the stages of the search that use it."""
+        if not self._lazy_table.label_independent:
+            yield from self._bounds_for_labels()
+            return
+        search, known = self.search, self._lower_bounds.cached(self.goal, self._origins.nodes)
+        by_cost = SearchParameters(
+            search.cost_weight, check_when_popped=not self._lazy_table.is_complete
+        )
+        if search.heuristic != "relaxed":
+            yield self._lower_bounds.from_distance(search), (SearchStage(by_cost),)
+            return
+        if not self._lazy_table.is_complete:
+            yield from self._improved_bounds(known or self._bounds(self.goal))
+            return
+        if known is not None and known.occupied != self.graph.occupied:
+            yield known, (SearchStage(by_cost._replace(max_expansions=WITH_OLD_BOUNDS)),)
+            known = None
+        yield known or self._new_bounds(), (SearchStage(by_cost),)
+
+    def _bounds_for_labels(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
+        """Yield bounds and stages where what an edge keeps depends on the label.
 
         Bounds cached by earlier queries come first. While there is no path, the fewest steps
         follow, which are computed sooner than a base displacement.
         """
-        search, goal, starts = self.search, self.goal, self._origins.nodes
-        lazy_table, is_complete = self._lazy_table, self._lazy_table.is_complete
-        stages: tuple[SearchStage, ...] = STAGES
-        first: tuple[SearchStage, ...] = (FIRST_PATH,)
-        if lazy_table.label_independent:
-            by_cost = SearchParameters(search.cost_weight, check_when_popped=not is_complete)
-            stages = (SearchStage(by_cost),)
-            if search.heuristic != "relaxed":
-                yield self._lower_bounds.from_distance(search), stages
-                return
-        elif self.graph.obstacles:
+        search, goal, stages = self.search, self.goal, STAGES
+        known = self._lower_bounds.cached(goal, self._origins.nodes)
+        if self.graph.obstacles:
             stages = OBSTACLE_STAGES
-            if not search.has_given_order:
-                yield from self._bounds_among_obstacles()
-                stages, first = OBSTACLE_STAGES[2:], ()
-        known = self._lower_bounds.cached(goal, starts)
-        if search.has_given_order and not lazy_table.label_independent:
+        if search.has_given_order:
             if search.method != "dijkstra":
                 known = known or self._bounds(goal)
                 self._raise_lower_bound(known)
-            bounds, by_weight = self._lower_bounds.from_distance(search), BY_WEIGHT.parameters
+            bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
-                quick = OBSTACLE_STAGES[:2] if self.graph.obstacles else ()
-                yield bounds, (*quick, *EXACT_STAGES)
+                yield bounds, EXACT_STAGES
                 return
-            by_weight = by_weight._replace(cost_weight=search.cost_weight)
+            by_weight = BY_WEIGHT.parameters._replace(cost_weight=search.cost_weight)
             yield bounds, (BY_WEIGHT._replace(parameters=by_weight),)
-        if lazy_table.label_independent and not is_complete:
-            yield from self._improved_bounds(known or self._bounds(goal))
-            return
-        if known is not None and (
-            lazy_table.label_independent or known.occupied == self.graph.occupied
-        ):
+        if known is not None and known.occupied == self.graph.occupied:
             yield known, stages
             return
         if known is not None:
-            is_quick = first == (FIRST_PATH,) and goal.cost.base_weight
-            yield known, (QUICK_FIRST_PATH,) if is_quick else first
-        if goal.cost.base_weight and not (lazy_table.label_independent or self.has_path):
-            steps = replace(goal, cost=Cost.named("steps"))
-            yield self._bounds(steps), first
+            yield known, first_of(stages)
+        if goal.cost.base_weight and not self.has_path:
+            yield self._bounds(replace(goal, cost=Cost.named("steps"))), first_of(stages)
         if not self.is_late:
-            new = self._lower_bounds.compute(goal, starts, self.clock)
-            self.backward_expanded += int(new.is_tight.sum())
-            yield new, stages
+            yield self._new_bounds(), stages
 
-    def _bounds_among_obstacles(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
-        """Yield bounds and stages for a first path, or the proof that obstacles leave none.
-
-        Nodes are checked from the goal outwards, more in each turn, and bounds are computed over
-        those that keep branches. So a goal in a pocket is found to be cut off.
-        """
-        goal, starts, chosen = self.goal, self._origins.nodes, NODES_CHECKED_AROUND_GOAL
-        steps, lazy_table = replace(goal, cost=Cost.named("steps")), self._lazy_table
-        bounds = self._lower_bounds.cached(goal, starts) or self._bounds(steps)
-        stage = QUICK_FIRST_PATH_AMONG_OBSTACLES
-        yield bounds, (*OBSTACLE_STAGES[:2], stage)
-        while not (self.has_path or self.is_late):
-            rows = np.flatnonzero((bounds.h < np.inf) & lazy_table.unchecked)
-            if not len(rows):
-                return
-            h, last = bounds.h[rows], min(chosen, len(rows)) - 1
-            rows = rows[h <= np.partition(h, last)[last]]  # to sort a million takes long
-            rows = rows[np.argsort(bounds.h[rows], kind="stable")[:chosen]]
-            for first in range(0, chosen, NODES_CHECKED_AROUND_GOAL):
-                if self.is_late:
-                    return
-                self._check_nodes(rows[first : first + NODES_CHECKED_AROUND_GOAL])
-            is_goal, chosen = bounds.h == 0.0, 2 * chosen
-            bounds = self._lower_bounds.among_checked(steps.cost, is_goal, starts, self.clock)
-            stage = stage._replace(max_searches=2 * (stage.max_searches or 1))
-            yield bounds, (stage,)
+    def _new_bounds(self) -> GoalBounds:
+        """Return bounds with the points that are occupied now."""
+        new = self._lower_bounds.compute(self.goal, self._origins.nodes, self.clock)
+        self.backward_expanded += int(new.is_tight.sum())
+        return new
 
     def _improved_bounds(
         self, goal_bounds: GoalBounds
@@ -220,17 +194,6 @@ class TableSearch(PathSearch):
         starts, known = self._origins.nodes, self._lower_bounds
         return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
-    @cached_property
-    def _check_history(self) -> CheckHistory:
-        """The history of checks, with three or four limbs among obstacles."""
-        return CheckHistory(self._lazy_table)
-
-    def proves(self, cost: float) -> bool:
-        """Return whether the bounds over what is not known to be blocked leave no cheaper path."""
-        h = self._bounds_of_rest(self._bounds(self.goal)).h[self._origins.nodes]
-        least = float((self._origins.cost + h).min(initial=np.inf))
-        return cost <= least * (1.0 + COST_TOLERANCE)
-
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return lower bounds that are no less than those over what is not known to be blocked."""
         is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
@@ -251,15 +214,12 @@ class TableSearch(PathSearch):
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
         weights = cost_weights(goal.cost)
         search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
-        checks = CheckBudget(self, lazy_table)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
-            clock=self.clock, check=checks,
+            clock=self.clock, check=self._check_edges,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        if checks.is_spent:
-            return goal_bounds
         explored = self._labels.expanded[: found.expanded]
         exact = np.full(len(start_bounds), np.inf)
         np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
@@ -294,23 +254,11 @@ class TableSearch(PathSearch):
     def _next_path(self, goal_bounds: GoalBounds, stage: SearchStage) -> StatePath | None:
         """Return a path cheaper than the incumbent, or None if the stage finds none."""
         cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
-        if stage.only_after_exhaustion and not self._is_exhausted:
-            return None
-        relaxations = 0
-        for _ in islice(count(), stage.max_searches):
-            if self.is_late or self.lower_bound >= cost_limit:
-                break
+        while not self.is_late and self.lower_bound < cost_limit:
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
-                may_relax = self._is_full and relaxations < stage.max_relaxations
-                if may_relax and self._check_history.relax():
-                    relaxations += 1
-                    continue
                 return None
-            relaxations = 0
             states = self._checked_walk(path, stage)
-            if stage.ordered_by_checks:
-                self._check_history.add_path(path, self._lazy_table.checked_edges)
             if states is None:
                 if self._ignores_checks(stage):
                     return None
@@ -332,19 +280,16 @@ class TableSearch(PathSearch):
         lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
-        limit, checks = min(parameters.max_expansions, limit), CheckBudget(self, lazy_table)
+        limit = min(parameters.max_expansions, limit)
         search_graph = SearchGraph(
             lazy_table.table, known, cost_weights(goal_bounds.cost), unchecked=lazy_table.unchecked
         )
-        if stage.ordered_by_checks:
-            search_graph = self._check_history.ordered(search_graph, goal_bounds.cost)
-            parameters = self._check_history.limited(parameters)
-        found = checks.outcome(cheapest_path(
+        found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,
-            clock=self.clock, check=checks, check_nodes=self._check_nodes,
-        ))  # fmt: skip
-        self._is_complete, self._is_full = found.end == SEARCH_COMPLETE, found.end == ARRAYS_FULL
+            clock=self.clock, check=self._check_edges, check_nodes=self._check_nodes,
+        )  # fmt: skip
+        self._is_complete = found.end == SEARCH_COMPLETE
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
@@ -353,6 +298,14 @@ class TableSearch(PathSearch):
         if self._proves(stage) and admissible:
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
+
+    def _check_edges(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Check edges, see `LazyTable.branch_sets_after`; `OutOfTime` once the effort is spent."""
+        if self.effort >= self.search.effort:
+            raise OutOfTime
+        pieces = self.clock.pieces("edges", len(edges))
+        after = [self._lazy_table.branch_sets_after(edges[k], branch_sets[k]) for k in pieces]
+        return np.concatenate([branch_sets[:0], *after])
 
     def _proves(self, stage: SearchStage) -> bool:
         """Return whether the lower bound of a search holds for all plans.

@@ -261,14 +261,6 @@ class ChangingWorld(Locked, ABC):
         """Return whether all obstacles and occupied points of a version are still there."""
         return self._last_removal <= version
 
-    @property
-    def has_gained(self) -> bool:
-        """Whether the last change may have opened a step that was found to be blocked before.
-
-        Obstacles can do so, if a limb that can no longer fold is released on another branch.
-        """
-        return True
-
     @abstractmethod
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         """Forget results that are no longer valid.

@@ -26,9 +26,6 @@ from mlivr_gym.transitions.step_check import StepChecks
 FLIPS_OF_FIRST = np.int64(0x0101)
 """Branch set of branch 0 with both flips, see `bit_sets.both_flips`."""
 
-MOST_REPEATED = 800
-"""Number of releases up to which all are computed again after obstacles were added."""
-
 
 class TwoLimbEdges:
     """Releases computed and edges checked in one state of the world.
@@ -84,11 +81,6 @@ class TwoLimbEdges:
         """Indices of those of them that are no steps, shape (k,)."""
         *_, index = self.checked
         return np.asarray(index[self.table.edges["kept"][index] == 0])
-
-    @cached_property
-    def has_gained(self) -> bool:
-        """Whether the last change may have opened a step; see `ChangingWorld`."""
-        return True
 
     @cached_property
     def edges_among_obstacles(self) -> Any:
@@ -263,19 +255,6 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         blocked = branch_sets[s, 1 - limb] == 0
         releases["branches"][s[blocked], limb[blocked]] = 0
         super()._release(self._changed_releases(todo[self.close[s] & ~blocked]))
-
-    @cached_property
-    def has_gained(self) -> bool:
-        """Whether a limb may have got another branch to be released on by the last obstacles.
-
-        It then cannot fold. If none has, what was known to be blocked before them is blocked now.
-        """
-        before, now = self._before, self.stances.releases
-        todo = before["known"] & ~now["known"] & (before["branches"] != 0)
-        if before is self.free.stances.releases or todo.sum() > MOST_REPEATED:
-            return True
-        self.check_releases(np.argwhere(todo))
-        return bool((now["branches"][todo] & ~before["branches"][todo]).any())
 
     def _changed_releases(self, todo: IntArray) -> IntArray:
         """Return those releases that are not as before the last obstacles, or were unknown, (k, 2).

@@ -154,11 +154,6 @@ class TwoLimbGraph(StanceGraph):
         self._known.is_complete = is_complete
 
     @property
-    def has_gained(self) -> bool:
-        """Whether the last change may have opened a step; see `ChangingWorld`."""
-        return self._known.has_gained
-
-    @property
     def is_complete_without_obstacles(self) -> bool:
         """Whether every step is known, without obstacles and occupied points."""
         return self._free.is_complete
@@ -175,11 +170,6 @@ class TwoLimbGraph(StanceGraph):
     def blocked_edges(self) -> IntArray:
         """Numbers of edges of the table that are known to be no steps at present, shape (k,)."""
         return self._known.blocked
-
-    @property
-    def checked_edges(self) -> IntArray:
-        """Edges that were checked among obstacles: stances before and after, and number, (3, k)."""
-        return self._known.checked
 
     def check_steps(self, support: IntArray, before: IntArray, after: IntArray) -> None:
         """Check steps once, given by support limb, stance before and stance after, (k,) each."""

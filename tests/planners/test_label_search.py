@@ -19,6 +19,7 @@ from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.clock import Clock
 from mlivr_gym.planners.costs import cost_weights
 from mlivr_gym.planners.label_search import (
+    SearchGraph,
     SearchParameters,
     SearchStatus,
     _add_label,
@@ -26,7 +27,6 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
-from mlivr_gym.planners.search_graph import NO_DELAYS, SearchGraph
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
@@ -162,22 +162,19 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
         for cost in COSTS:
             goal, ends = goal_at(graph, table, row, cost), (states, first)
             search_graph = SearchGraph(table, steps, cost_weights(goal.cost))
-            for weight in (1.0, 0.25):
-                delays = NO_DELAYS._replace(weight_of_checked=weight)
-                assert_cheapest(search_graph._replace(delays=delays), goal, pairs, ends)
+            assert_cheapest(search_graph, goal, pairs, ends)
 
 
 def assert_cheapest(search_graph, goal, pairs, ends):
     """Compare the cheapest path to a goal with the states to which steps lead from the first."""
     table, weights, (states, first) = search_graph.table, search_graph.weights, ends
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    charged, weight = price(table, pairs, goal.cost), search_graph.delays.weight_of_checked
-    charged[search_graph.checked_edges.contains(pairs[:, 4])] *= weight
+    charged = price(table, pairs, goal.cost)
     costs = nx.single_source_dijkstra_path_length(
         states, first, weight=lambda _, __, edge: charged[edge["pair"]]
     )
     least = min((c for (s, _), c in costs.items() if goals[s]), default=np.inf)
-    h = weight * exact_costs(table, goals, weights, first[0])
+    h = exact_costs(table, goals, weights, first[0])
     origins = NodeOrigins(np.array(first[:1]), table.branch_sets[[first[0]]], np.zeros(1))
 
     def cheapest(**limits):

@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.planners import Planner, searches
-from mlivr_gym.planners.level_search import LevelSearch
+from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
-from mlivr_gym.transitions.state import State
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 
@@ -31,33 +29,6 @@ def full(tracks):
     graph = stance_graph(tracks)
     fill_rows(graph)
     return graph
-
-
-def test_among_obstacles_it_follows_on_a_search_that_is_cut_short(tracks, full, monkeypatch):
-    """All steps but those close to a crate are known; each limb is on one branch at the start."""
-    found, rng, graph = [], np.random.default_rng(2), full
-    without = graph.steps.edges.copy()
-    graph.add_obstacles([BOX])
-    graph.node_postures(np.arange(len(graph)))
-    is_held = np.flatnonzero(graph.steps.branch_sets.all(axis=1))
-    monkeypatch.setattr(LevelSearch, "tree", lambda _: found.append(1) or np.zeros((0, 2, 3)))
-    for _ in range(12):
-        start = graph.state(graph.points[rng.choice(is_held)].tolist())
-        one = (rng.choice([1 << b for b in range(16) if s >> b & 1]) for s in start.branch_sets)
-        start = State(start.stance, tuple(map(int, one)))
-        goal = np.clip(graph.base_position[rng.integers(len(graph))], *tracks.cabin)
-        results = []
-        for few in (1, 10**9):
-            monkeypatch.setattr(searches, "FEW_EXPANSIONS", few)
-            result = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.05)
-            plan = result.plan
-            results.append((result.reason, plan and (plan.cost, plan.statistics.bound)))
-        assert results[0] == results[1], (start, goal)
-    edges = graph.steps.edges
-    graph.remove_obstacles()
-    assert 3 < len(found) <= 12
-    assert edges["known"][(without["known"] == 1) & (without["kept"] == 0)].all()
-    assert not (edges["kept"] & ~without["kept"]).any()
 
 
 def test_a_start_pose_counts_as_a_step(lazy, full):
