@@ -7,17 +7,17 @@ there; elsewhere `J` has become `J + E` and `V` has become `V + v`, and the rate
 
     d = J^-1 (v - E x) - J^-1 E d.
 
-While all rates are within `e` of `x`, joint by joint, the joints are within `c = h (|x| + e)` of the
-middle, `h` being half the length of the interval; then E is bounded, and so is the right side, by
-some `e'`. If `e' < e` for every joint, the rates cannot leave these bounds on the interval: `J^-1 E`
-is a contraction in the norm that weights joints by `1 / e`, so `J + E` is regular, and the solution
-of the middle goes on. It exists on the whole interval, the limb stays regular, and joint j turns by
-at most `c_j` to either end. Every chain of joints is treated alike.
+While all rates are within `e` of `x`, joint by joint, the joints are within `c = h (|x| + e)` of
+the middle, `h` being half the length of the interval; then E is bounded, and so is the right side,
+by some `e'`. If `e' < e` for every joint, the rates cannot leave these bounds on the interval:
+`J^-1 E` is a contraction in the norm that weights joints by `1 / e`, so `J + E` is regular, and the
+solution of the middle goes on. It exists on the whole interval, the limb stays regular, and joint j
+turns by at most `c_j` to either end. Every chain of joints is treated alike.
 
 **The change of the Jacobian.** The twist of joint j is carried along by the joints before it. To
-first order joint k changes it by the Lie bracket `[xi_k, xi_j]`, so `E x` by `x_k x_j [xi_k, xi_j]`,
-of which those of all pairs partly cancel; what is left is bounded by second derivatives, see
-`_set_needed`.
+first order joint k changes it by the Lie bracket `[xi_k, xi_j]`, so `E x` by
+`x_k x_j [xi_k, xi_j]`; those of all pairs partly cancel. What is left is bounded by second
+derivatives, see `_set_needed`.
 """
 
 from __future__ import annotations
@@ -47,13 +47,18 @@ SLACK, LEAST_RATE = 1.3, 1e-6
 """Factor by which tried changes exceed those found so far, and what is added to each [rad]."""
 
 
+class JointAxesSeen(Record):
+    """Where the joints of a limb are, seen from the body."""
+
+    axis: Annotated[Array, (6, 3)]
+    """Unit vectors along them."""
+    point: Annotated[Array, (6, 3)]
+    """A point on each [m]."""
+
+
 class Following(Record):
     """Scratch of the proof for one limb."""
 
-    axis: Annotated[Array, (6, 3)]
-    """Unit vectors along the joints, in the body frame."""
-    point: Annotated[Array, (6, 3)]
-    """A point on each joint axis, in the body frame [m]."""
     inverse: Matrix6
     """Inverse of the Jacobian: three columns for velocities of the point on the first axis, three
     for turns."""
@@ -82,12 +87,12 @@ class Following(Record):
 
 
 @kernel
-def invert_jacobian(scratch: Following) -> float:
-    """Invert the Jacobian of a limb whose axes are in `scratch`; return `|det J|` [m^3]."""
-    rows, inverse, origin = scratch.rows, scratch.inverse, vector(scratch.point[0])
+def invert_jacobian(joints: JointAxesSeen, scratch: Following) -> float:
+    """Invert the Jacobian of a limb into `scratch`; return `|det J|` [m^3]."""
+    rows, inverse, origin = scratch.rows, scratch.inverse, vector(joints.point[0])
     for j in range(6):
-        axis = vector(scratch.axis[j])
-        velocity = cross(minus(vector(scratch.point[j]), origin), axis)
+        axis = vector(joints.axis[j])
+        velocity = cross(minus(vector(joints.point[j]), origin), axis)
         for k in range(3):
             rows[k, j], rows[3 + k, j] = velocity[k], axis[k]
         for row in range(6):
@@ -117,7 +122,12 @@ def invert_jacobian(scratch: Following) -> float:
 
 @kernel
 def bound_changes(
-    half: float, shift: Triple, turn: Triple, scratch: Following, change: Joints
+    half: float,
+    shift: Triple,
+    turn: Triple,
+    joints: JointAxesSeen,
+    scratch: Following,
+    change: Joints,
 ) -> bool:
     """Bound how far the joints of a limb that holds turn from the middle of an interval.
 
@@ -128,7 +138,7 @@ def bound_changes(
     """
     inverse, rate, drift, tried = scratch.inverse, scratch.rate, scratch.drift, scratch.tried
     # A point that rests, at the origin of the twists, seen from the body.
-    seen, largest = cross(turn, vector(scratch.point[0])), 0.0
+    seen, largest = cross(turn, vector(joints.point[0])), 0.0
     for i in range(6):
         rate[i], linear, angular = 0.0, 0.0, 0.0
         for k in range(3):
@@ -140,7 +150,7 @@ def bound_changes(
         largest = max(largest, half * abs(rate[i]))
     if largest > LARGEST_CHANGE:
         return False
-    _set_effects(scratch)
+    _set_effects(joints, scratch)
     # The turn rests in the body, the shift in the world: only this makes the twist change.
     varies = cross(turn, shift)
     more = 0.5 * half * half * length(turn) * length(varies)
@@ -165,15 +175,15 @@ def bound_changes(
 
 
 @part
-def _set_effects(scratch: Following) -> None:
+def _set_effects(joints: JointAxesSeen, scratch: Following) -> None:
     """Set what each joint does to the rates by carrying the axes of those behind it."""
-    inverse, origin = scratch.inverse, vector(scratch.point[0])
+    inverse, origin = scratch.inverse, vector(joints.point[0])
     for j in range(1, 6):
-        z, o = vector(scratch.axis[j]), vector(scratch.point[j])
+        z, o = vector(joints.axis[j]), vector(joints.point[j])
         arm = minus(o, origin)
         scratch.reach[j], v = length(arm), cross(arm, z)
         for k in range(j):
-            z_k, o_k = vector(scratch.axis[k]), vector(scratch.point[k])
+            z_k, o_k = vector(joints.axis[k]), vector(joints.point[k])
             turned = cross(z_k, z)
             first, second = cross(z_k, v), cross(cross(minus(o_k, origin), z_k), z)
             scratch.sine[k, j] = length(turned)
