@@ -46,6 +46,7 @@ from mlivr_gym.collisions.joint_lines import (
     hold,
     may_leave,
     place_base,
+    place_capsules,
     place_follower,
     place_limb,
     prove_follower,
@@ -78,6 +79,10 @@ only."""
 FIRST_SHIFT = 0.5
 """Shift of a base that moves straight up to which its way is one interval at first [m], likewise a
 turn of one radian; affects the speed only."""
+
+HALFWAY = 3
+"""Link from which on the travel of a limb that follows is bounded from its grasp, and not from the
+body."""
 
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
@@ -287,6 +292,8 @@ def _place_limb(
             place_limb(limb, line, interval.middle, interval.half, EVERY, place)
         elif not place_follower(limb, line, scratch.base, scratch.floor, scratch.proof, place):
             known = GONE
+        elif interval.half == 0.0:
+            place_capsules(limb, EVERY, place)
     if follows:
         line.flips[i] &= place.flips
         if known == GONE or line.flips[i] == EMPTY:
@@ -440,12 +447,12 @@ def _compare_with_boxes(
         if not has(interval.boxes[limb.index], c):
             continue
         capsule, (a, b) = limb.capsules[c], axis_of(placed.in_body.ends, c)
-        at_a = placed.in_body.motion[c, 0] + _with_base(half, a, scratch)
-        at_b = placed.in_body.motion[c, 1] + _with_base(half, b, scratch)
-        if holds:
+        if holds and (capsule.link >= HALFWAY or line.leader >= 0):
             # Seen from its grasp, the joints beyond the link move it.
-            at_a = min(at_a, travel(placed, capsule.link, 6, a))
-            at_b = min(at_b, travel(placed, capsule.link, 6, b))
+            at_a, at_b = travel(placed, capsule.link, 6, a), travel(placed, capsule.link, 6, b)
+        else:
+            at_a = placed.in_body.motion[c, 0] + _with_base(half, a, scratch)
+            at_b = placed.in_body.motion[c, 1] + _with_base(half, b, scratch)
         # Of what travels far only a collision in the middle can be told, without a wide search.
         is_far = max(at_a, at_b) > FAR
         moves = (0.0, 0.0) if is_far else (at_a, at_b)

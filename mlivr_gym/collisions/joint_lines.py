@@ -192,10 +192,7 @@ def place_follower(
     if to.flips == EMPTY:
         return False
     place_axes(limb, to)
-    if invert_jacobian(to.joints, proof) < floor:
-        return False
-    place_capsules(limb, EVERY, to)
-    return True
+    return bool(invert_jacobian(to.joints, proof) >= floor)
 
 
 @kernel

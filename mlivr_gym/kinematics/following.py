@@ -37,8 +37,11 @@ if TYPE_CHECKING:
 Matrix6 = Annotated[Array, (6, 6)]
 """Field of a 6 by 6 matrix."""
 
+MOST_TURN = 0.19
+"""Sum of the turns of all joints above which no proof is tried [rad]: few succeed."""
+
 LARGEST_CHANGE = 0.8
-"""Turn of a joint, or change of it, above which no proof is tried [rad]; affects the speed only."""
+"""Change of a turn above which a proof is given up [rad]."""
 
 TRIES = 5
 """Number of bounds of the changes of the rates that are tried."""
@@ -138,7 +141,7 @@ def bound_changes(
     """
     inverse, rate, drift, tried = scratch.inverse, scratch.rate, scratch.drift, scratch.tried
     # A point that rests, at the origin of the twists, seen from the body.
-    seen, largest = cross(turn, vector(joints.point[0])), 0.0
+    seen, sum_of_turns = cross(turn, vector(joints.point[0])), 0.0
     for i in range(6):
         rate[i], linear, angular = 0.0, 0.0, 0.0
         for k in range(3):
@@ -147,8 +150,8 @@ def bound_changes(
             linear += a * a
             angular += b * b
         scratch.linear[i], scratch.angular[i] = np.sqrt(linear), np.sqrt(angular)
-        largest = max(largest, half * abs(rate[i]))
-    if largest > LARGEST_CHANGE:
+        sum_of_turns += half * abs(rate[i])
+    if sum_of_turns > MOST_TURN:
         return False
     _set_effects(joints, scratch)
     # The turn rests in the body, the shift in the world: only this makes the twist change.
