@@ -61,7 +61,7 @@ def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
         if link.joint is not None:
             joint = link.joint
             _sub(
-                body, "joint", name=joint.name, axis="0 0 1", range=_text(joint.limits),
+                body, "joint", name=joint.name, axis=_text(joint.axis), range=_text(joint.limits),
                 armature=_text(joint.rotor), actuatorfrcrange=_text((-joint.torque, joint.torque)),
             )  # fmt: skip
         for capsule in link.capsules:
@@ -164,7 +164,7 @@ def _add_joint(root: ElementTree.Element, link: RobotLink) -> None:
     _sub(element, "parent", link=link.parent)
     _sub(element, "child", link=link.name)
     if joint is not None:
-        _sub(element, "axis", xyz="0 0 1")
+        _sub(element, "axis", xyz=_text(joint.axis))
         low, high = map(_text, joint.limits)
         effort, velocity = _text(joint.torque), _text(joint.speed)
         _sub(element, "limit", lower=low, upper=high, effort=effort, velocity=velocity)
