@@ -17,6 +17,7 @@ from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
+from mlivr_gym.robot.exported_arm import LIMBS
 from mlivr_gym.robot.file_arms import arms_of, body_frame, body_name, with_held_joints
 from mlivr_gym.robot.file_limb import FILE_OPTIONS, FileLimb, FileOptions, limb_of
 from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts
@@ -33,6 +34,9 @@ UR5E_ARM = 0.425 + 0.3922
 
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
+
+KEPT_APART = (WINDOWS, ROTORS, LIMBS)
+"""Fields of a file of this package that are none of `RobotSpec`."""
 
 EVEN = 1e-6
 """Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
@@ -261,7 +265,7 @@ def _fields(
         "characteristic_length": scale * CHARACTERISTIC_LENGTH,
         "joint_names": None if _are_usual(names) else tuple(names),
     }
-    written = {name: value for name, value in file.fields.items() if name not in (WINDOWS, ROTORS)}
+    written = {name: value for name, value in file.fields.items() if name not in KEPT_APART}
     return described | build | written | fields
 
 

@@ -70,7 +70,7 @@ SPARSE = ("visuals", "cargo", "joints", "joint_names")
 
 def without_none(data: dict[str, Any]) -> dict[str, Any]:
     """Return plain data of a robot with the `SPARSE` fields only where there are any."""
-    cargo, kept = data.get("cargo"), {}
+    cargo, kept = data.get("cargo"), dict[str, Any]()
     if cargo is not None and cargo["limb"] is None:
         del cargo["limb"]
     for name, value in data.items():

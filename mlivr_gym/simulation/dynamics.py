@@ -99,8 +99,9 @@ def dynamics_spec(
 
     The motor of a joint is the actuator of its name, see `RobotSpec.named_joints`; those of the
     grasp of limb i are `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1.
-    Each has a force sensor of the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. The sensors
-    `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
+    Each has a force sensor of the same name. The anchor of limb i is body and site
+    `"limb{i}/anchor"`. The sensors `"contact"`, `"velocity"` and `"angular_momentum"` belong to the
+    whole robot.
 
     The grasps are by default those of `Physics()`; obstacles are boxes in addition to those of the
     map. Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.

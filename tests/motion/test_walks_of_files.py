@@ -42,8 +42,7 @@ def poses(positions, quaternions):
 
 
 class Original:
-    """Pinocchio's model of the file of one arm; joints that are not told stay where they are held.
-    """
+    """Pinocchio's model of the file of one arm, of which one joint may be held."""
 
     def __init__(self, path, held):
         build = pin.buildModelFromUrdf if path.endswith(".urdf") else pin.buildModelFromMJCF
