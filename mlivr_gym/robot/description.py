@@ -68,6 +68,8 @@ class Description(NamedTuple):
     """Fields of `RobotSpec` that the file names, see `PLANNING`."""
     visuals: dict[str, tuple[BodyMesh, ...]]
     """Meshes that show each body, by its name."""
+    notes: tuple[str, ...]
+    """What was repaired, in words."""
 
     @property
     def is_exported(self) -> bool:
@@ -89,15 +91,8 @@ def read_description(
     cannot be read, or holds a loop or a joint that is no hinge.
     """
     path = Path(path)
-    try:
-        size = os.path.getsize(path)
-        text = path.read_text(encoding="utf-8") if size <= LARGEST_FILE else ""
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise RobotError(f"the file cannot be read: {reason}") from None
-    if not text:
-        raise RobotError(f"the file is empty or larger than {LARGEST_FILE} bytes")
-    tree = _parsed(text)
+    tree = _parsed(text_of(path))
+    notes: list[str] = []
     found: dict[str, float] = {}
     missing: list[str] = []
     visuals: dict[str, tuple[BodyMesh, ...]] = {}
@@ -108,6 +103,7 @@ def read_description(
             folders = [*map(Path, package_dirs), *path.resolve().parents]
             visuals = urdf_meshes(tree, path.parent, folders)
             found, missing, fields = _prepare_urdf(tree, path.parent, folders)
+            notes = repaired_inertias(tree)
             spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
             spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
         else:
@@ -138,7 +134,7 @@ def read_description(
         joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
     name = tree.get("name") or tree.get("model") or path.stem
     visuals |= placed_meshes(model, pictures)
-    return Description(name, model, data, joints, tuple(missing), _fields(fields), visuals)
+    return Description(name, model, data, joints, tuple(missing), _fields(fields), visuals, tuple(notes))
 
 
 def _parsed(text: str) -> ElementTree.Element:

@@ -27,6 +27,15 @@ ENDLESS = 1000.0
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
 
+OF_GRIPPERS = ("gripper", "finger", "jaw", "knuckle")
+"""Words in the names of links and joints that belong to a gripper."""
+
+SHORTEST_ARM = 5
+"""Number of joints from which on a tool frame ends an arm."""
+
+MOST_TILT = np.deg2rad(1.0)
+"""Largest angle between the last joint's axis and the nearest axis of the tool frame [rad]."""
+
 
 class FileArm(NamedTuple):
     """An arm of a file, by numbers of bodies and joints in the model."""
@@ -86,6 +95,8 @@ def arms_of(
                 )
         else:
             tool = _usual_tool(file, chain[-1])
+        if tips is None:
+            _check_tilt(file, joints[-1], tool)
         out.append(FileArm(joints, tuple(chain), tool))
     return tuple(out)
 
@@ -267,6 +278,9 @@ def _longest(file: Description, body: int) -> list[int]:
             len(chain) >= JOINTS and (len(after) > 1 or not _is_hinge(file, after[0]))
         ):
             return chain
+        ends = len(chain) >= SHORTEST_ARM and _named_tool(file, here) is not None
+        if ends or all(_is_of_gripper(file, b, chain) for b in after):
+            return chain
         if len(after) > 1:
             names = ", ".join(repr(body_name(file.model, b)) for b in after)
             raise RobotError(
@@ -274,6 +288,32 @@ def _longest(file: Description, body: int) -> list[int]:
                 f"{names}; name the last link of each limb with tips"
             )
         chain += after
+
+
+def _is_of_gripper(file: Description, body: int, chain: list[int]) -> bool:
+    """Return whether a link or its joint is named as of a gripper, and those of the arm are not."""
+
+    def words(link: int) -> set[str]:
+        joint = file.model.joint(int(file.model.body_jntadr[link])).name
+        name = f"{body_name(file.model, link)} {joint}".lower()
+        return {word for word in OF_GRIPPERS if word in name}
+
+    return bool(words(body)) and not any(map(words, chain))
+
+
+def _check_tilt(file: Description, joint: int, tool: tuple[int, Array, Array]) -> None:
+    """Refuse a tool frame none of whose axes lies along the last joint, in which limbs grasp."""
+    body, _, rotation = tool
+    if not rotation.any() or body == int(file.model.jnt_bodyid[joint]):
+        return
+    axes = body_frame(file.data, body)[:3, :3] @ rotation
+    tilt = float(np.arccos(np.clip(np.abs(file.data.xaxis[joint] @ axes).max(), 0.0, 1.0)))
+    if tilt > MOST_TILT:
+        raise RobotError(
+            f"the tool frame leans by {np.rad2deg(tilt):.3g} degrees from the axis of joint "
+            f"{file.joints[joint].name!r}, along which a limb grasps; choose another with "
+            "tool_frame, such as the last link"
+        )
 
 
 def _is_hinge(file: Description, body: int) -> bool:
@@ -331,6 +371,18 @@ def _site(model: Any, site: int) -> tuple[int, Array, Array]:
 
 def _usual_tool(file: Description, last: int) -> tuple[int, Array, Array]:
     """Return the tool frame behind the last joint: by a customary name, or the last link."""
+    named = _named_tool(file, last)
+    if named is not None:
+        return named
+    model = file.model
+    fixed = [b for b in range(1, model.nbody) if _path(file, b)[-1:] == [last]]
+    leaves = [b for b in fixed if b not in {int(model.body_parentid[c]) for c in fixed if c != b}]
+    end = leaves[0] if len(leaves) == 1 else last
+    return end, np.zeros(3), np.eye(3)
+
+
+def _named_tool(file: Description, last: int) -> tuple[int, Array, Array] | None:
+    """Return the tool frame of a customary name that is fixed to a link, None if there is none."""
     model = file.model
     fixed = [b for b in range(1, model.nbody) if _path(file, b)[-1:] == [last]]
     frames = {str(model.site(k).name): k for k in range(model.nsite)
@@ -343,6 +395,4 @@ def _usual_tool(file: Description, last: int) -> tuple[int, Array, Array]:
         for name, body in links.items():
             if name.endswith(ending):
                 return body, np.zeros(3), np.eye(3)
-    leaves = [b for b in fixed if b not in {int(model.body_parentid[c]) for c in fixed if c != b}]
-    end = leaves[0] if len(leaves) == 1 else last
-    return end, np.zeros(3), np.eye(3)
+    return None

@@ -281,7 +281,7 @@ def _are_usual(names: list[tuple[str, ...]]) -> bool:
 def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
     """Return where the figures come from, in words."""
     told = [f"the file of {file.name}"]
-    notes = [note for limb in limbs for note in limb.notes]
+    notes = [*file.notes, *(note for limb in limbs for note in limb.notes)]
     told += [note for k, note in enumerate(notes) if note not in notes[:k]]
     fitted = max((max(limb.excess.values(), default=0.0) for limb in limbs), default=0.0)
     if fitted:
