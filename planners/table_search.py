@@ -136,7 +136,8 @@ class TableSearch(PathSearch):
         Bounds cached by earlier queries come first. While there is no path, the fewest steps
         follow, which are computed sooner than a base displacement.
         """
-        search, goal, stages = self.search, self.goal, STAGES
+        search, goal = self.search, self.goal
+        stages: tuple[SearchStage, ...] = STAGES
         known = self._lower_bounds.cached(goal, self._origins.nodes)
         if self.graph.obstacles:
             stages = OBSTACLE_STAGES

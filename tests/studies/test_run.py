@@ -53,11 +53,16 @@ def untimed(rows):
 def test_an_interruption_ends_processes_that_work():
     """They would finish their blocks, which may take hours."""
     began = time.monotonic()
-    with pytest.raises(KeyboardInterrupt), executor_of("local", 1) as pool:
-        job = pool.submit(time.sleep, 60.0)
-        while not job.running():
-            time.sleep(0.01)
-        raise KeyboardInterrupt
+
+    def interrupted():
+        with executor_of("local", 1) as pool:
+            job = pool.submit(time.sleep, 60.0)
+            while not job.running():
+                time.sleep(0.01)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
     assert time.monotonic() - began < 40.0
 
 
