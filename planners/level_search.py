@@ -69,7 +69,7 @@ class LevelSearch(PathSearch):
         states, self._first_steps = [self.start], 0
         if self.start.pose is not None:
             # Steps that leave a given base pose are no edges of the graph.
-            steps = self.graph.successors(self.start)
+            steps = self.graph.successors_by_pieces(self.start, self.clock.pieces)
             states = [steps.after(self.start, k) for k in range(len(steps.limb))]
             self._first_steps = 1
         nodes = np.array([self.graph.find(state.stance) for state in states], dtype=np.int64)

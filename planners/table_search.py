@@ -92,10 +92,7 @@ class TableSearch(PathSearch):
         self._origin_paths = [start]
         if state.pose is not None:
             # Steps that leave a given base pose are no edges of the table.
-            nodes = self.graph.neighbouring_nodes(state.stance)
-            steps = self.graph.steps_to_nodes(
-                state, *nodes, lambda k: self.clock.pieces("steps", k)
-            )
+            steps = self.graph.successors_by_pieces(state, self.clock.pieces)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             self._origin_paths = [
                 StatePath((state, after), np.stack([here, position]))

@@ -18,6 +18,14 @@ from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 
+Pieces = Callable[[str, int], Iterable[slice]]
+"""A function that divides a number of items of some kind into pieces, to work on them in turn."""
+
+
+def at_once(kind: str, count: int) -> Iterable[slice]:
+    """Return one piece with all items."""
+    return (slice(count),)
+
 
 class CheckedSteps(ChangingWorld):
     """Releases and steps between stances whose postures are given; results are not stored."""
@@ -25,6 +33,15 @@ class CheckedSteps(ChangingWorld):
     @abstractmethod
     def posture_of(self, state: State) -> Postures:
         """Return the posture of a state: that of its stance, or the pose that a user gave."""
+
+    @abstractmethod
+    def neighbouring_nodes(
+        self, stance: tuple[int, ...], pieces: Pieces = at_once
+    ) -> tuple[IntArray, Postures]:
+        """Return the nodes in which one limb holds another point, shape (k, N), and their postures.
+
+        They are in the order of limbs and points; steps to them are not checked.
+        """
 
     @property
     def limbs(self) -> int:
@@ -84,19 +101,11 @@ class CheckedSteps(ChangingWorld):
         steps = self.checks.steps(found, before, np.arange(len(states), len(points)), branch_sets)
         return self.branch_sets_of_steps(steps, found)
 
-    def steps_to_nodes(
-        self,
-        state: State,
-        stances: IntArray,
-        postures: Postures,
-        pieces: Callable[[int], Iterable[slice]] = lambda count: (slice(count),),
-    ) -> Successors:
-        """Return the steps from a state to k nodes, shape (k, N), with their postures.
-
-        They are checked in pieces, by default at once, into which a function divides a number.
-        """
+    def successors_by_pieces(self, state: State, pieces: Pieces) -> Successors:
+        """Return all steps that leave a state, checked piece by piece."""
+        stances, postures = self.neighbouring_nodes(state.stance, pieces)
         here, found = self.posture_of(state), [postures.branch_sets[:0]]
-        for piece in pieces(len(stances)):
+        for piece in pieces("steps", len(stances)):
             after, first = stances[piece], np.zeros(len(stances[piece]), dtype=np.int64)
             found.append(self.branch_sets_after([state], here, first, after, postures.take(piece)))
         branch_sets = np.concatenate(found)

@@ -14,7 +14,7 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import unlocked
-from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.checked_steps import Pieces, at_once, join
 from mlivr_gym.stances.node_steps import candidate_steps, node_stances
 from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.parts import Progress
@@ -176,11 +176,14 @@ class ImplicitGraph(StanceGraph):
     def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
         self._releases = {}
 
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
+    def neighbouring_nodes(
+        self, stance: tuple[int, ...], pieces: Pieces = at_once
+    ) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
         self.check_stance(stance)
         stances = self._neighbouring(stance, range(self.limbs))
-        postures = self.nodes(stances)
+        found = [self.nodes(stances[piece]) for piece in pieces("postures", len(stances))]
+        postures = join(self.nodes(stances[:0]), *found)
         node = self.is_node(postures)
         return stances[node], postures.take(node)
 

@@ -31,7 +31,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, ListOf, Numbers
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.checked_steps import CheckedSteps, join
+from mlivr_gym.stances.checked_steps import CheckedSteps, at_once, join
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.point_pairs import check_distances, nearest_told, pairs_within
 from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
@@ -332,17 +332,10 @@ class StanceGraph(CheckedSteps):
         found = self.branch_sets_after([state], here, first, np.array([stance]), there)[0]
         return State(stance, tuple(found.tolist())) if found.all() else None
 
-    @abstractmethod
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
-        """Return the nodes in which one limb holds another point, shape (k, N), and their postures.
-
-        They are in the order of limbs and points; steps to them are not checked.
-        """
-
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)
-        return self.steps_to_nodes(state, *self.neighbouring_nodes(state.stance))
+        return self.successors_by_pieces(state, at_once)
 
     @checked(late=True)
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:

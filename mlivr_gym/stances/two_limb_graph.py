@@ -24,6 +24,7 @@ from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.sharing import locked
+from mlivr_gym.stances.checked_steps import Pieces, at_once, join
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
 from mlivr_gym.stances.stance_graph import STATES, TOUCHED, StanceGraph
@@ -325,12 +326,15 @@ class TwoLimbGraph(StanceGraph):
         row = self.stances_with(support, self.points[s, support])
         return np.asarray(row[row != s])
 
-    def neighbouring_nodes(self, stance: tuple[int, ...]) -> tuple[IntArray, Postures]:
+    def neighbouring_nodes(
+        self, stance: tuple[int, ...], pieces: Pieces = at_once
+    ) -> tuple[IntArray, Postures]:
         """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
         self.check_stance(stance)
         chosen = np.concatenate([self.stances_with(1 - i, stance[1 - i]) for i in range(2)])
         chosen = chosen[(self.points[chosen] != stance).any(axis=1)]
-        postures = self.node_postures(chosen)
+        found = [self.node_postures(chosen[piece]) for piece in pieces("postures", len(chosen))]
+        postures = join(self.node_postures(chosen[:0]), *found)
         node = self.is_node(postures)
         return self.points[chosen[node]], postures.take(node)
 

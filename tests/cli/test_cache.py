@@ -33,12 +33,12 @@ OTHERS = (
 @pytest.fixture
 def folder(monkeypatch, tmp_path):
     """A folder with all kinds of what is kept, and other files."""
-    for name, (size, when) in {**FILES, **dict.fromkeys(OTHERS, (9, 1))}.items():
+    for k, (name, (size, when)) in enumerate({**FILES, **dict.fromkeys(OTHERS, (9, 1))}.items()):
         path = tmp_path / "cache" / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(bytes(size))
-        for one in (path, path.parent):
-            os.utime(one, (when, when))
+        # To be read is a use, and so is to be written, where reading is not recorded.
+        os.utime(path, (when, 1) if k % 2 else (1, when))
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "cache"))
     return tmp_path / "cache"
 

@@ -1,5 +1,8 @@
 """Lower bounds over all nodes: against SciPy, and kept for further plans."""
 
+import time
+from threading import Event
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -11,6 +14,7 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner, table_search
+from mlivr_gym.planners.clock import Clock, OutOfTime
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
@@ -236,6 +240,22 @@ def test_what_is_known_of_a_goal_does_not_delay_the_proof_that_it_is_cut_off(cos
         found = planner.plan(*query)
         assert found.reason == "search exhausted"
         assert found.expanded <= most
+
+
+def test_bounds_that_are_still_worked_out_are_of_their_own_points(known):
+    """A query without time began them; then a point was taken, and the next query asks."""
+    graph, table, go = fresh(known), known[1], Event()
+    goal, start = away(graph, table, COSTS[0], 7), np.array([7])
+    bounds = LowerBounds(graph)
+    compute = bounds._compute
+    bounds._compute = lambda *given: compute(*given) if go.wait() else None
+    with pytest.raises(OutOfTime):
+        bounds.compute(goal, start, Clock(0.0))
+    point = int(np.setdiff1d(table.points, table.points[7])[0])
+    graph.occupy([point])
+    go.set()
+    found = bounds.compute(goal, start, Clock(time.perf_counter() + AGES))
+    assert np.isinf(found.h[(table.points == point).any(axis=1)]).all()
 
 
 def taking(graph, held):

@@ -202,6 +202,24 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
     assert whole > 2.0 * OVERRUN
 
 
+@pytest.mark.parametrize("case", ["two limbs, steps known", "two limbs, obstacles"])
+def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch):
+    """They are no edges of the table, and are all checked before the search begins."""
+    graph = CASES[case]()
+    start, goal, _ = query(graph, "steps")
+    position, quaternion, _ = graph.configuration(start)
+    pose = (*(position + np.array([0.0, 0.0, 0.005])).tolist(), *quaternion.tolist())
+    machine = SlowMachine(monkeypatch)
+    for limit in (0.2, 0.5, 1.0):
+        began = machine.now
+        Planner(graph).plan(
+            start.stance, goal, "steps",
+            start_pose=pose, goal_tolerance=0.05, time_limit=limit, inflation=1.0,
+        )  # fmt: skip
+        assert machine.now - began <= limit + OVERRUN
+    graph.remove_obstacles()
+
+
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
     """As where obstacles may cut the goal off."""
