@@ -138,10 +138,21 @@ class _CacheWithArchive:
             self._cache.save_overload(signature, compiled)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """Return the function compiled for a signature, or None if neither has it."""
+        """Return the function compiled for a signature, or None if neither has it.
+
+        What is stored of a function whose files are damaged is given up.
+        """
         payload = _read(member(self._entry_name, signature))
         if payload is None:
-            return self._cache.load_overload(signature, target)
+            try:
+                return self._cache.load_overload(signature, target)
+            except Exception as error:  # an altered file may cause any error
+                folder = self._cache.cache_path
+                text = "machine code in %s cannot be read: %s; it is compiled again"
+                logging.getLogger(__name__).warning(text, folder, error)
+                with _locked(folder):
+                    self._cache.flush()
+                return None
         from numba.core.compiler import CompileResult  # as in the archive's version of Numba
 
         return CompileResult._rebuild(target, *payload)

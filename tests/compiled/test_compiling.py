@@ -50,6 +50,20 @@ def test_what_a_killed_process_compiled_is_not_compiled_again(package, tmp_path)
     assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
 
 
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_damaged_machine_code_is_told_and_compiled_again(package, tmp_path, kind):
+    """Where a file was cut off, as its list and its content may be when a disk is full."""
+    kept = tmp_path / "kept"
+    told = f"import logging; logging.basicConfig(stream=__import__('sys').stdout){ASK}"
+    run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    (path,) = kept.rglob(f"caller.outer-*.{kind}")
+    path.write_bytes(path.read_bytes()[:60])
+    line, *found = run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    assert f"machine code in {path.parent} cannot be read" in line
+    assert found == ["21 3", "22 3"]
+    assert run_with(package, kept, told, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
+
+
 @pytest.mark.filterwarnings("ignore:.*fork")
 def test_threads_and_processes_that_store_at_once_lose_nothing(tmp_path):
     """Numba reads the list of what is stored, adds to it and writes it back."""
