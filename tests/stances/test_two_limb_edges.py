@@ -106,20 +106,23 @@ def test_releases_among_boxes_that_come_one_by_one_are_those_among_all(small_map
     grown, rng, gained = stance_graph(few), np.random.default_rng(3), []
     every = np.stack(np.divmod(np.arange(2 * len(grown)), 2), axis=1)
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
-    boxes, before = [], None
-    for k in range(5):
-        centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
-        boxes.append(Box.between(f"b{k}", "obstacle", centre - half, centre + half))
-        grown.add_obstacles(boxes[-1:])
-        fresh = stance_graph(few)
-        fresh.add_obstacles(boxes)
-        for graph in (grown, fresh):
-            graph.check_releases(every)
-        now = fresh.releasable.copy()
-        np.testing.assert_array_equal(grown.releasable, now)
-        gained.append(before is not None and bool((now & ~before)[before != 0].any()))
-        before = now
-    assert any(gained)
+    for trial in range(3):
+        grown.remove_obstacles()
+        boxes, before = [], None
+        for k in range(5):
+            centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
+            boxes.append(Box.between(f"b{trial}{k}", "obstacle", centre - half, centre + half))
+            grown.add_obstacles(boxes[-1:])
+            fresh = stance_graph(few)
+            fresh.add_obstacles(boxes)
+            for graph in (grown, fresh):
+                graph.check_releases(every)
+            now = fresh.releasable.copy()
+            np.testing.assert_array_equal(grown.releasable, now)
+            if before is not None:
+                gained.append(bool((now & ~before)[before != 0].any()))
+            before = now
+    assert min(gained.count(True), gained.count(False)) >= 3
 
 
 LIMITS, STARTS = ((-2.7, 2.7),) * 6, (-2.7,) * 6
