@@ -17,7 +17,7 @@ from mlivr_gym.collisions.distances import (
     compare_capsules,
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Placed, Shapes, axis_of, capsule_axis, motion_from_link
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import minus, vector
@@ -58,27 +58,6 @@ def compare_capsule_pair(
         return CLEAR
     (p, p_end), (q, q_end) = first, second
     return compare_capsules(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
-
-
-@kernel
-def compare_limb_with_itself(
-    limb: LimbModel, shapes: Shapes, placed: Placed, pending: int, clearance: float
-) -> tuple[int, int]:
-    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
-    undecided, ends = 0, shapes.ends
-    for k in range(limb.pair_count):
-        if not has(pending, k):
-            continue
-        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
-        first, second = limb.capsules[i], limb.capsules[j]
-        inner = first.radius + second.radius + clearance
-        moves = motion_from_link(first.link, second, placed)
-        result = compare_capsule_pair(axis_of(ends, j), axis_of(ends, i), inner, 0.0, moves)
-        if result == SELF:
-            return SELF, undecided
-        if result == UNDECIDED:
-            undecided |= only(k)
-    return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel

@@ -45,10 +45,6 @@ class LimbCapsule(Record):
     """Ends of its axis in the link frame [m]."""
     radius: float
     """Radius [m]."""
-    anchors: Annotated[IntArray, (2,), np.int64]
-    """Anchor of each end, from which its motion is bounded, see `placement`."""
-    anchor_distances: Annotated[Array, (2,)]
-    """Distance of each end from its anchor [m]."""
 
 
 class BodyCapsule(Record):
@@ -185,9 +181,6 @@ class LimbShapes:
             row = limb["capsules"][c]
             row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
             row["ends"][:] = capsule.start, capsule.end
-            for e, end in enumerate(row["ends"]):
-                anchor, distance = _anchor(kinematics, int(row["link"]), end)
-                row["anchors"][e], row["anchor_distances"][e] = anchor, distance
         of_limb = limb["capsules"][: len(moving)]
         compared: IntArray = limb["pairs"][: len(pairs)]
         return ShapesOfLimb(names, of_limb["link"], of_limb["ends"], of_limb["radius"], compared)
@@ -355,14 +348,3 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
     return any(
         min(c.start[2], c.end[2]) - c.radius < off for c in capsules if c.link == "upper_arm"
     )
-
-
-def _anchor(limb: AnyLimb, link: int, end: Array) -> tuple[int, float]:
-    """Return the anchor of a capsule end, see `placement`, and its distance from that anchor [m].
-
-    `end` is given in the link frame [m]. Of several possible anchors the closest is taken.
-    """
-    options = limb.anchors[link]
-    arms = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
-    arm, anchor = min(arms)
-    return anchor, arm

@@ -118,15 +118,9 @@ def remove_touching_branches(
     robot, scratch, remove = robots[0], scratch_rows[0], postures.all_branches[0]
     for n in range(start, stop):
         k = chosen[n]
-        still = (0.0, 0.0)
-        result = compare_base_with_boxes(
-            robot,
-            postures.base[k],
-            still,
-            surroundings.grid,
-            surroundings.clearance,
-            scratch.surface,
-        )
+        grid, clearance = surroundings.grid, surroundings.clearance
+        base = postures.base[k]
+        result = compare_base_with_boxes(robot, base, grid, clearance, scratch.surface)
         if result != CLEAR:
             postures.cause[k] = result
             for i in range(robot.limb_count):

@@ -1,7 +1,7 @@
 """The operations on an arm, each behind one name; every other module asks here (compiled).
 
 They say which branches reach a flange pose and how far they are from singular, which joint angles
-they have, where their joints and links are, and how far these move at most. There are two closed
+they have, and where their joints and links are. There are two closed
 forms, that of the UR arms (`ur`), which arms of space stations share once their first joint is
 locked, and that of arms with a spherical wrist (`spherical_wrist`), which seen from the flange
 serves arms with a spherical shoulder (`spherical_shoulder`). Other arms of six joints are solved
@@ -22,19 +22,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.records import Joints
-from mlivr_gym.kinematics import (
-    numeric,
-    numeric_bounds,
-    spherical_shoulder,
-    spherical_shoulder_bounds,
-    spherical_wrist,
-    spherical_wrist_bounds,
-    ur,
-    ur_bounds,
-)
+from mlivr_gym.kinematics import numeric, spherical_shoulder, spherical_wrist, ur
 from mlivr_gym.kinematics.arm import NUMERIC, SPHERICAL_SHOULDER, UR, Arm
-from mlivr_gym.kinematics.turns import FlangeMotion, GraspMotion, Turns
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR
 from mlivr_gym.kinematics.ur import SINGULAR_TOO as SINGULAR_TOO
 
@@ -137,68 +126,3 @@ def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, axes: Any, frames: 
     if arm.family == NUMERIC:
         return numeric.branch_frames(arm, flange, branch, frames)
     return spherical_wrist.branch_frames(arm, flange, branch, frames)
-
-
-@kernel
-def stays_above(
-    arm: Arm, terms: Array, choice: int, change: tuple[float, float], square_floor: float
-) -> bool:
-    """Return whether bounds keep a class of branches above a floor on an interval.
-
-    `terms` are those of `branch_terms` in the middle, `choice` is the class; the wrist moves [m]
-    and the flange axis turns [rad] by `change` at most. The floor is the least square of `det J /
-    arm.links` [m^2]. It is not asked of an arm of the family `NUMERIC`, see `numeric_path`.
-    """
-    if arm.family == UR:
-        return ur_bounds.stays_above(arm, terms, choice, change, square_floor)
-    if arm.family == SPHERICAL_SHOULDER:
-        return spherical_shoulder_bounds.stays_above(arm, terms, choice, change, square_floor)
-    if arm.family == NUMERIC:
-        return False
-    return spherical_wrist_bounds.stays_above(arm, terms, choice, change, square_floor)
-
-
-@kernel
-def held_turns(arm: Arm, q: Joints, flange: FlangeMotion, turns: Turns) -> bool:
-    """Bound how far the joints of a limb turn whose flange moves in its base frame; fill `turns`.
-
-    `q` are the joint angles in the middle of an interval [rad], from which the flange moves to
-    either end. The bounds hold if True is returned: the limb then stays on its branch, and no joint
-    turns by half a turn.
-    """
-    if arm.family == UR:
-        return ur_bounds.held_turns(arm, q, flange, turns)
-    if arm.family == SPHERICAL_SHOULDER:
-        return spherical_shoulder_bounds.held_turns(arm, q, flange, turns)
-    if arm.family == NUMERIC:
-        return numeric_bounds.held_turns(arm, q, flange, turns)
-    return spherical_wrist_bounds.held_turns(arm, q, flange, turns)
-
-
-@kernel
-def link_motion(arm: Arm, turns: Turns, shift: Array, spin: Array) -> None:
-    """Bound how far links turn and anchors move, seen from the links 0 to 4.
-
-    `shift`, shape (5, 4), is filled with the travel of limb base, elbow, forearm end and wrist
-    point [m], `spin`, shape (5, 7), with the turn of each link [rad].
-    """
-    if arm.family == UR:
-        ur_bounds.link_motion(arm, turns, shift, spin)
-    elif arm.family == SPHERICAL_SHOULDER:
-        spherical_shoulder_bounds.link_motion(arm, turns, shift, spin)
-    elif arm.family == NUMERIC:
-        numeric_bounds.link_motion(arm, turns, shift, spin)
-    else:
-        spherical_wrist_bounds.link_motion(arm, turns, shift, spin)
-
-
-@kernel
-def grasp_motion(arm: Arm, turns: Turns) -> GraspMotion:
-    """Bound how far the links of a limb that holds move in the world, followed from its grasp."""
-    if arm.family == UR:
-        return ur_bounds.grasp_motion(arm, turns)
-    if arm.family == SPHERICAL_SHOULDER:
-        return spherical_shoulder_bounds.grasp_motion(arm, turns)
-    if arm.family == NUMERIC:
-        return numeric_bounds.grasp_motion(arm, turns)
-    return spherical_wrist_bounds.grasp_motion(arm, turns)

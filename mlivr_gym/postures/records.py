@@ -9,13 +9,12 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.placement import Placed, Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
-from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.grasps import Grasp
-from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.manipulability import Inversion
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -230,7 +229,5 @@ class PostureScratch(Record):
     """Work arrays of matrix inversion."""
     surface: GraspSurface
     """The grasp at which a gripper is."""
-    path: BasePath
-    """Base path that stands for a departure."""
-    holding: Holding
-    """Work arrays of departures."""
+    lines: LineScratch
+    """The motion of the base that stands for a departure."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import LineScratch, check_line
-from mlivr_gym.collisions.joint_lines import jacobian_determinant, place_axes
+from mlivr_gym.collisions.joint_lines import place_axes
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
@@ -34,6 +34,7 @@ from mlivr_gym.compiled.bit_sets import (
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
 from mlivr_gym.kinematics.families import SINGULAR_TOO
+from mlivr_gym.kinematics.following import invert_jacobian
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose
@@ -173,7 +174,7 @@ def _stays_regular(limb: LimbModel, floor: float, scratch: LineScratch) -> bool:
         for j in range(6):
             placed.q[j] = first[j] + s * (last[j] - first[j])
         place_axes(limb, placed)
-        if jacobian_determinant(placed, scratch.jacobian) < floor:
+        if invert_jacobian(placed.joints, scratch.proof) < floor:
             return False
     return True
 
