@@ -228,13 +228,14 @@ def refined(arm: Arm, flange: FlangeAxis, x: Triple, q: Array) -> bool:
         return False
     q[0], q[1], q[2], q[3], q[4] = found.q
     q[5] = joint_6(arm, chain_at(arm, found.q), x)
-    return (
+    same: bool = (
         abs(q[0] - start.q1) < FARTHEST
         and abs(q[1] - start.q2) < FARTHEST
         and abs(q[2] - start.q3) < FARTHEST
         and abs(q[3] - start.q4) < FARTHEST
         and abs(q[4] - start.q5) < FARTHEST
     )
+    return same
 
 
 @kernel
