@@ -9,7 +9,7 @@ motion is not certified, unlike the steps of a walk.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -215,7 +215,7 @@ def limb_trajectory(
         joint_accelerations=accelerations, base_positions=np.tile(position, (count, 1)),
         base_quaternions=np.tile(quaternion, (count, 1)), base_velocities=np.zeros((count, 6)),
         base_accelerations=np.zeros((count, 6)), grasps=grasps,
-        point_ids=tuple(graph.grasp_map.ids),
+        point_ids=tuple(graph.grasp_map.ids), joint_names=tuple(chain(*robot.named_joints)),
     )  # fmt: skip
 
 

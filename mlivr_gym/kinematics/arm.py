@@ -109,11 +109,19 @@ class Arm(Record):
     """Cosine of the angle between axes 2 and 3."""
     s_held: float
     """Its sine."""
+    sign: Joints
+    """1 or -1 for each joint, by which its axis leads along the z axis of its link's frame or
+    against it: an angle of the form is `sign * angle of the arm + zero`."""
+    zero: Joints
+    """Angle of the form where that of the arm is 0, for each joint [rad]."""
+    deviates: int
+    """1 if the joints are where `numeric` has them and only nearly where the form has them, as
+    those of a calibrated arm or of a file of rounded angles; else 0."""
     window: Annotated[Array, (6, 2)]
     """Least and largest angle of each joint of a limb that holds or is folded, see `in_window`
     [rad]."""
     numeric: NumericArm
-    """Of the family `NUMERIC` alone."""
+    """Of the family `NUMERIC`, and, without seeds, of an arm that deviates from its form."""
 
 
 class FlangeAxis(NamedTuple):
@@ -132,6 +140,13 @@ class JointAxes(Record):
     """Unit vectors along them."""
     point: Annotated[Array, (6, 3)]
     """A point on each [m]."""
+
+
+@kernel
+def form_angle(arm: Arm, q: Array, joint: int) -> float:
+    """Return the angle of the form of a joint, counted from 0, by the arm's angles [rad]."""
+    angle: float = arm.sign[joint] * q[joint] + arm.zero[joint]
+    return angle
 
 
 @kernel

@@ -23,7 +23,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics import numeric, spherical_shoulder, spherical_wrist, ur
-from mlivr_gym.kinematics.arm import NUMERIC, SPHERICAL_SHOULDER, UR, Arm
+from mlivr_gym.kinematics.arm import NUMERIC, SPHERICAL_SHOULDER, UR, Arm, form_angle
 from mlivr_gym.kinematics.ur import SINGULAR as SINGULAR
 from mlivr_gym.kinematics.ur import SINGULAR_TOO as SINGULAR_TOO
 
@@ -75,12 +75,19 @@ def branch_angles(
     joint angles [rad] on no particular winding.
     """
     if arm.family == UR:
-        return ur.branch_angles(arm, flange, x, branch, slack, q)
-    if arm.family == SPHERICAL_SHOULDER:
-        return spherical_shoulder.branch_angles(arm, flange, x, branch, slack, q)
-    if arm.family == NUMERIC:
-        return numeric.branch_angles(arm, flange, x, branch, q)
-    return spherical_wrist.branch_angles(arm, flange, x, branch, slack, q)
+        there = ur.branch_angles(arm, flange, x, branch, slack, q)
+    elif arm.family == SPHERICAL_SHOULDER:
+        there = spherical_shoulder.branch_angles(arm, flange, x, branch, slack, q)
+    elif arm.family == NUMERIC:
+        there = numeric.branch_angles(arm, flange, x, branch, q)
+    else:
+        there = spherical_wrist.branch_angles(arm, flange, x, branch, slack, q)
+    if there and arm.deviates:
+        there = numeric.refined(arm, flange, x, q)
+    if there:
+        for k in range(6):
+            q[k] = arm.sign[k] * (q[k] - arm.zero[k])
+    return there
 
 
 @kernel
@@ -90,12 +97,12 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     `frames`, shape (7, 4, 3): of links 0 (fixed) to 6 the origin [m] and axes x, y, z, z along the
     joint; x and y of link 6 are any pair across the flange axis.
     """
-    if arm.family == UR:
+    if arm.deviates or arm.family == NUMERIC:
+        numeric.link_frames(arm, q, frames)
+    elif arm.family == UR:
         ur.link_frames(arm, q, frames)
     elif arm.family == SPHERICAL_SHOULDER:
         spherical_shoulder.link_frames(arm, q, frames)
-    elif arm.family == NUMERIC:
-        numeric.link_frames(arm, q, frames)
     else:
         spherical_wrist.link_frames(arm, q, frames)
 
@@ -103,10 +110,11 @@ def link_frames(arm: Arm, q: Array, frames: Array) -> None:
 @kernel
 def turn_flange(arm: Arm, q: Array, frames: Array) -> None:
     """Turn axes x and y of link 6, as `link_frames` gives them, to those of the flange."""
-    if arm.family == SPHERICAL_SHOULDER or arm.family == NUMERIC:
+    if arm.deviates or arm.family == SPHERICAL_SHOULDER or arm.family == NUMERIC:
         return
     # The other closed forms leave out joint 6, which turns the flange about its axis.
-    c, s = np.cos(q[5]), np.sin(q[5])
+    angle = form_angle(arm, q, 5)
+    c, s = np.cos(angle), np.sin(angle)
     for k in range(3):
         x, y = frames[6, 1, k], frames[6, 2, k]
         frames[6, 1, k], frames[6, 2, k] = c * x + s * y, c * y - s * x

@@ -65,7 +65,7 @@ class Following(Record):
     inverse: Matrix6
     """Inverse of the Jacobian: three columns for velocities of the point on the first axis, three
     for turns."""
-    rows: Matrix6
+    reduced: Matrix6
     """The Jacobian while it is inverted."""
     effect: Annotated[Array, (6, 6, 6)]
     """`J^-1 [xi_k, xi_j]`, by k, j and joint."""
@@ -92,7 +92,7 @@ class Following(Record):
 @kernel
 def invert_jacobian(joints: JointAxesSeen, scratch: Following) -> float:
     """Invert the Jacobian of a limb into `scratch`; return `|det J|` [m^3]."""
-    rows, inverse, origin = scratch.rows, scratch.inverse, vector(joints.point[0])
+    rows, inverse, origin = scratch.reduced, scratch.inverse, vector(joints.point[0])
     for j in range(6):
         axis = vector(joints.axis[j])
         velocity = cross(minus(vector(joints.point[j]), origin), axis)

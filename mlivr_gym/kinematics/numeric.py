@@ -30,6 +30,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES
 from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.kinematics.arm import form_angle
 from mlivr_gym.kinematics.numeric_chain import (
     Angles5,
     Chain,
@@ -62,6 +63,10 @@ DAMPING, MOST_DAMPING = 0.05, 0.01
 
 LONGEST_STEP = 0.6
 """Largest change of a joint in one step [rad]."""
+
+FARTHEST = 0.1
+"""Largest difference of an angle from that of the form it deviates from [rad]; more is another
+solution."""
 
 TRIES = 3
 """Number of seeds of a branch, the nearest ones, from which a pose is solved."""
@@ -212,9 +217,33 @@ def branch_angles(arm: Arm, flange: FlangeAxis, x: Triple, branch: int, q: Array
 
 
 @kernel
+def refined(arm: Arm, flange: FlangeAxis, x: Triple, q: Array) -> bool:
+    """Turn joint angles of a form into those of an arm that deviates a little from it.
+
+    Returned is whether there are such angles within `FARTHEST` of the given ones.
+    """
+    start = Angles5(q[0], q[1], q[2], q[3], q[4])
+    found = solved(arm, wrist_of(arm, flange), flange.z, start)
+    if not found.there:
+        return False
+    q[0], q[1], q[2], q[3], q[4] = found.q
+    q[5] = joint_6(arm, chain_at(arm, found.q), x)
+    same: bool = (
+        abs(q[0] - start.q1) < FARTHEST
+        and abs(q[1] - start.q2) < FARTHEST
+        and abs(q[2] - start.q3) < FARTHEST
+        and abs(q[3] - start.q4) < FARTHEST
+        and abs(q[4] - start.q5) < FARTHEST
+    )
+    return same
+
+
+@kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame."""
-    _set_frames(arm, Angles5(q[0], q[1], q[2], q[3], q[4]), q[5], frames)
+    a, b, c = form_angle(arm, q, 0), form_angle(arm, q, 1), form_angle(arm, q, 2)
+    last = Angles5(a, b, c, form_angle(arm, q, 3), form_angle(arm, q, 4))
+    _set_frames(arm, last, form_angle(arm, q, 5), frames)
 
 
 @kernel

@@ -17,8 +17,18 @@ USEFUL = 0.02
 """Least `|det J|` of a seed as a share of the largest one."""
 
 
-def set_numeric(arm: Arm, steps: Array, windows: Array) -> None:
-    """Fill in an arm of the family `NUMERIC` by its steps, shape (6, 4, 3), and windows [rad]."""
+def set_seeds(arm: Arm, steps: Array, windows: Array) -> None:
+    """Fill in an arm of the family `NUMERIC` by its steps, shape (6, 4, 3), and windows [rad].
+
+    Windows are those of the angles of the form, shape (6, 2).
+    """
+    set_chain(arm, steps)
+    arm["links"], arm["c_held"] = 1.0, 1.0
+    _set_seeds(arm, steps, windows)
+
+
+def set_chain(arm: Arm, steps: Array) -> None:
+    """Fill in where the joints are by their steps, shape (6, 4, 3)."""
     of_arm = arm["numeric"]
     of_arm["steps"][:] = steps
     frames = _frames(steps, np.zeros((1, 5)))[0]
@@ -26,7 +36,6 @@ def set_numeric(arm: Arm, steps: Array, windows: Array) -> None:
     out = frames[4, :3, :3].T @ (wrist - frames[4, :3, 3])
     of_arm["wrist"][:] = out
     arm["d6"] = float((frames[5, :3, 3] - wrist) @ frames[5, :3, 2])
-    arm["links"], arm["c_held"] = 1.0, 1.0
     off_axis_1 = float(np.hypot(*steps[1, 0, :2]))
     between = [off_axis_1, *np.linalg.norm(steps[2:5, 0], axis=1), np.linalg.norm(out)]
     of_arm["between"][:] = between
@@ -35,7 +44,6 @@ def set_numeric(arm: Arm, steps: Array, windows: Array) -> None:
     of_arm["farthest"][:] = np.hypot(reach, of_arm["unit"])
     of_arm["elbow"] = _largest(steps, 2, lambda f: _squared(f[:, 1], _forearm_end(f)))
     of_arm["bend"] = _largest(steps, 4, _along_axis_4)
-    _set_seeds(arm, steps, windows)
 
 
 def wrist_point(fifth: Array, flange: Array) -> Array:

@@ -23,9 +23,9 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics import spherical_wrist
-from mlivr_gym.kinematics.arm import FlangeAxis
+from mlivr_gym.kinematics.arm import FlangeAxis, form_angle
 from mlivr_gym.kinematics.poses import cross, dot
-from mlivr_gym.kinematics.spherical_wrist import Bend, bend_at, set_frames
+from mlivr_gym.kinematics.spherical_wrist import Bend, bend_at, set_frames, turned_by
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm
@@ -138,11 +138,11 @@ def branch_angles(
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame."""
-    c1, c2, c3, c4, c5 = np.cos(q[5]), np.cos(q[4]), np.cos(q[3]), np.cos(q[2]), np.cos(q[1])
-    s1, s2, s3, s4, s5 = np.sin(q[5]), np.sin(q[4]), np.sin(q[3]), np.sin(q[2]), np.sin(q[1])
-    bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
+    a, b, c = form_angle(arm, q, 5), form_angle(arm, q, 4), form_angle(arm, q, 3)
+    bend = turned_by(a, b, c, form_angle(arm, q, 2), form_angle(arm, q, 1))
     set_frames(arm, bend, frames)
-    c, s, last, shift = np.cos(q[0]), np.sin(q[0]), frames[FLANGE], arm.d1 - arm.d6
+    first, last, shift = form_angle(arm, q, 0), frames[FLANGE], arm.d1 - arm.d6
+    c, s = np.cos(first), np.sin(first)
     x = (
         c * last[1, 0] + s * last[2, 0],
         c * last[1, 1] + s * last[2, 1],

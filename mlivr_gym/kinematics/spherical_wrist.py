@@ -40,6 +40,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES, class_of
 from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.kinematics.arm import form_angle
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm, FlangeAxis
@@ -257,10 +258,17 @@ def branch_angles(
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame."""
-    c1, c2, c3, c4, c5 = np.cos(q[0]), np.cos(q[1]), np.cos(q[2]), np.cos(q[3]), np.cos(q[4])
-    s1, s2, s3, s4, s5 = np.sin(q[0]), np.sin(q[1]), np.sin(q[2]), np.sin(q[3]), np.sin(q[4])
-    bend = Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
-    set_frames(arm, bend, frames)
+    a, b, c = form_angle(arm, q, 0), form_angle(arm, q, 1), form_angle(arm, q, 2)
+    d, e = form_angle(arm, q, 3), form_angle(arm, q, 4)
+    set_frames(arm, turned_by(a, b, c, d, e), frames)
+
+
+@kernel
+def turned_by(q1: float, q2: float, q3: float, q4: float, q5: float) -> Bend:
+    """Return cosines and sines of angles of the form [rad]."""
+    c1, c2, c3, c4, c5 = np.cos(q1), np.cos(q2), np.cos(q3), np.cos(q4), np.cos(q5)
+    s1, s2, s3, s4, s5 = np.sin(q1), np.sin(q2), np.sin(q3), np.sin(q4), np.sin(q5)
+    return Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
 
 
 @kernel

@@ -22,6 +22,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.kinematics.arm import form_angle
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.arm import Arm, FlangeAxis
@@ -197,16 +198,18 @@ def branch_angles(
 @kernel
 def link_frames(arm: Arm, q: Array, frames: Array) -> None:
     """Compute the frames of the links in the limb base frame."""
-    c1, s1 = np.cos(q[0]), np.sin(q[0])
+    angle = form_angle(arm, q, 0)
+    c1, s1 = np.cos(angle), np.sin(angle)
     _fixed_frames(arm, c1, s1, frames)
     angle = 0.0
     for link in range(2, 5):
-        angle += q[link - 1]
+        angle += form_angle(arm, q, link - 1)
         c, s = np.cos(angle), np.sin(angle)
         frames[link, 1, 0], frames[link, 1, 1], frames[link, 1, 2] = c * c1, c * s1, s
         frames[link, 2, 0], frames[link, 2, 1], frames[link, 2, 2] = -s * c1, -s * s1, c
         frames[link, 3, 0], frames[link, 3, 1], frames[link, 3, 2] = s1, -c1, 0.0
-    c5, s5 = np.cos(q[4]), np.sin(q[4])
+    angle = form_angle(arm, q, 4)
+    c5, s5 = np.cos(angle), np.sin(angle)
     a2, a3, d4, d5, d6 = arm.a2, arm.a3, arm.d4, arm.d5, arm.d6
     for k in range(3):
         frames[2, 0, k] = frames[1, 0, k]

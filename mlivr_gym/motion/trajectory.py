@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,6 +68,8 @@ class Trajectory(TimedConfigurations):
     """Point index that each limb holds, or `FREE`, shape (k, N)."""
     point_ids: tuple[str, ...]
     """Ids of all points of the map."""
+    joint_names: tuple[str, ...]
+    """Names of all joints by limb, those of the file the robot is read from, N times six."""
 
     @property
     def period(self) -> float:
@@ -217,6 +220,7 @@ def trajectory(
         base_accelerations=accelerations[:, :6],
         grasps=grasps,
         point_ids=tuple(grasp_map.ids),
+        joint_names=tuple(chain(*path.robot.named_joints)),
     )
 
 

@@ -49,8 +49,8 @@ def prepare_candidate(search: PostureSearch, number: int, scratch: PostureScratc
                     scratch.gaps[i, b, j, c] = np.inf
     if not search.has_boxes:
         return CLEAR
-    still, clearance, surface = (0.0, 0.0), search.clearance, scratch.surface
-    return compare_base_with_boxes(robot, scratch.base, still, search.grid, clearance, surface)
+    clearance, surface = search.clearance, scratch.surface
+    return compare_base_with_boxes(robot, scratch.base, search.grid, clearance, surface)
 
 
 @kernel

@@ -38,6 +38,7 @@ class DerivedFigures:
     dynamics: LimbDynamics | None
     mounts: tuple[Mount, ...] | None
     apart: tuple[tuple[str, str], ...]
+    joint_names: tuple[tuple[str, ...], ...] | None
     cargo: Cargo | None
 
     @cached_property
@@ -92,6 +93,16 @@ class DerivedFigures:
         return any({first, second} == set(pair) for pair in self.apart)
 
     @property
+    def named_joints(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the joints that move, N times six: those of the file the robot is read from.
+
+        Joint k of limb i of another robot is `"limb{i}/joint{k}"`.
+        """
+        return self.joint_names or tuple(
+            tuple(f"limb{i}/joint{k}" for k in range(1, 7)) for i in range(self.limbs)
+        )
+
+    @property
     def every_limb(self) -> tuple[AnyLimb, ...]:
         """Kinematics of each limb, N of them."""
         return tuple(mount.limb or self.limb for mount in self.mounted)
@@ -112,7 +123,7 @@ class DerivedFigures:
 
         What is below a nanometre counts as 0: rounding must not choose a direction.
         """
-        lengths = np.array([limb.lengths[0] for limb in self.every_limb])
+        lengths = np.array([limb.form_lengths[0] for limb in self.every_limb])
         shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
         across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
         return np.where(np.abs(across) < MIN_SIZE, 0.0, across)

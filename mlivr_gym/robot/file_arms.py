@@ -12,8 +12,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.description import Description
+from mlivr_gym.robot.file_joints import FARTHEST_TURN
 from mlivr_gym.robot.joint_chain import HeldJoint, JointChain, RecognisedArm
-from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
 from mlivr_gym.values import MAX_ROBOT_LENGTH
@@ -181,7 +181,7 @@ def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
 
 def limb_in_family(file: Description, arm: FileArm, found: RecognisedArm) -> AnyLimb:
     """Return the limb; an error of the joint that is held has its name and angle in the file."""
-    limits = _limits(file, arm, found)
+    limits = _limits(file, arm)
     try:
         return found.limb(limits)
     except RobotError as fault:
@@ -194,10 +194,10 @@ def limb_in_family(file: Description, arm: FileArm, found: RecognisedArm) -> Any
         ) from None
 
 
-def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple[float, float]]:
+def _limits(file: Description, arm: FileArm) -> list[tuple[float, float]]:
     """Return the limits of the limb's joint angles [rad]."""
     out = []
-    for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
+    for joint in arm.joints:
         figures = file.joints[joint]
         if figures.limits is None:
             raise RobotError(
@@ -210,8 +210,7 @@ def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple
                 f"joint {figures.name!r} has limits from {low:g} to {high:g} rad; angles are in "
                 f"radians, at most {FARTHEST_TURN:g}: are these degrees?"
             )
-        ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
-        low, high = sorted(sign * end + offset for end in ends)
+        low, high = figures.limits
         out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
     return out
 

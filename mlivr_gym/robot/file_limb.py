@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,11 +14,10 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule
 from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import FileArm, limb_in_family, tool_frame_of
-from mlivr_gym.robot.file_chain import FileChain
+from mlivr_gym.robot.file_arms import JOINTS, FileArm, limb_in_family
 from mlivr_gym.robot.file_parts import LimbParts, joined
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
+from mlivr_gym.robot.joint_chain import DECIMALS, with_exact_frames
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
 from mlivr_gym.robot.mounts import MOST_CAPSULES
@@ -37,12 +35,6 @@ ROTOR_INERTIA = 0.1
 
 GRIPPER_MASS = 0.5
 """Mass of the gripper that is added to an arm without one [kg]."""
-
-SAMPLES = 100
-"""Number of random joint angles at which the flange is compared with that of the file."""
-
-LARGEST_ERROR = 5e-3
-"""Largest distance of the flange from that of the file [m]; grasps are captured within 10 mm."""
 
 LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
 """Validator of a length [m] that may be None."""
@@ -119,10 +111,6 @@ class FileLimb:
     """Lengths and joint limits."""
     joint_names: tuple[str, ...]
     """Names of its joints that move."""
-    signs: Array
-    """Signs of its joint angles, see `recognition.RecognisedArm`."""
-    offsets: Array
-    """Offsets of its joint angles [rad]."""
     mount: Array
     """Base frame of the limb in the body's frame, of a file of one arm in the world, (4, 4)."""
     capsules: tuple[Capsule, ...]
@@ -135,10 +123,6 @@ class FileLimb:
     """Distance from the flange to the grasp [m]."""
     gripper_mass: float
     """Mass of a gripper that the last link does not include [kg]."""
-    position_error: float
-    """Largest distance of the flange from that of the file [m]."""
-    chain: FileChain
-    """Its joints that move as the file has them."""
     apart: tuple[tuple[str, str], ...]
     """Links whose shapes never meet, see `RobotSpec.apart`."""
     visuals: tuple[Visual, ...]
@@ -176,12 +160,16 @@ def limb_of(
     """
     arm, found, notes = members.arm, members.found, []
     limb, shift = limb_in_family(file, arm, found), round(members.tool_length - length, DECIMALS)
+    base = found.mount
+    if limb.base_in_mount is not None:
+        base = base @ rigid(*limb.base_in_mount)
+    if not isinstance(limb, NumericLimb):
+        limb = with_exact_frames(limb, base, members.chain.moving)
     if file.is_exported:
         limb = replace(limb, window_starts=_of_limb(file, WINDOWS, members.number))
     if shift:
         limb = limb.with_flange_moved(shift)
-    found = found._replace(offsets=found.offsets + limb.joint_shifts)
-    frames = _base_of(limb, found) @ link_frames(limb, found.offsets)
+    frames = base @ link_frames(limb, np.zeros(JOINTS))
     if arm.held is not None:
         joint, held = arm.held
         notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
@@ -213,14 +201,10 @@ def limb_of(
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
-    chain = _chain_of(file, members, frames, shift)
-    error = _position_error(chain, limb, found, file.joints[arm.joints[-1]].name)
-    if error > 1e-4:
-        notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
-        limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
-        inverse(body) @ found.mount, capsules, excess, dynamics, length, gripper_mass, error, chain,
-        apart, limb_visuals(file, members, frames), tuple(notes),
+        limb, tuple(file.joints[joint].name for joint in arm.joints), inverse(body) @ found.mount,
+        capsules, excess, dynamics, length, gripper_mass, apart,
+        limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
 
 
@@ -309,44 +293,6 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
     """Return whether two bodies move alike."""
     figures = [(body.mass, *body.centre, *body.inertia) for body in (first, second)]
     return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
-
-
-def _chain_of(file: Description, members: LimbParts, frames: Array, shift: float) -> FileChain:
-    """Return the joints that move; its flange has the axes of the family's, which lies in `frames`.
-
-    These are in the world where the joints are at 0, (7, 4, 4); it is moved by `shift` [m].
-    """
-    flange = frames[6].copy()
-    flange[:3, 3] = members.chain.flange[:3, 3] + shift * flange[:3, 2]
-    tool = tool_frame_of(file.data, members.arm)
-    return FileChain(
-        file.model, copy.copy(file.data), members.arm, frames[0], inverse(tool) @ flange
-    )
-
-
-def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last: str) -> float:
-    """Return the largest distance of the flange from that of the file over random angles [m]."""
-    rng, worst = np.random.default_rng(0), 0.0
-    probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    for _ in range(SAMPLES):
-        angles = rng.uniform(-np.pi, np.pi, 6)
-        ours = link_frames(limb, found.signs * angles + found.offsets)[6]
-        apart = (chain.at(angles)[2] - ours) @ probes
-        worst = max(worst, float(np.linalg.norm(apart[:3], axis=0).max()))
-    if worst > LARGEST_ERROR:
-        raise RobotError(
-            f"the flange of joint {last!r} lies up to {worst:.3g} m "
-            f"from where exact axes would bring it; it must be at most {LARGEST_ERROR:g} m"
-        )
-    return worst
-
-
-def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
-    """Return the base frame of the joints that move, see `LimbBase.base_in_mount`."""
-    if limb.base_in_mount is None:
-        return found.mount
-    base: Array = found.mount @ rigid(*limb.base_in_mount)
-    return base
 
 
 def _alike(one: object, other: object) -> bool:

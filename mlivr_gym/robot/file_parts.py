@@ -11,6 +11,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.description import LEAST_MASS, Description
+from mlivr_gym.robot.exported_arm import exported_arm
 from mlivr_gym.robot.file_arms import FileArm, body_name, chain_of, tool_frame_of, with_carriers
 from mlivr_gym.robot.joint_chain import MEETING, JointChain, RecognisedArm
 from mlivr_gym.robot.link_frames import inverse, rigid
@@ -74,7 +75,8 @@ def limb_parts(
             gripper, flange, length = (), tool, TOOL_LENGTH
     links[-1] = tuple(body for body in links[-1] if body not in gripper)
     chain, base = chain_of(file, arm, flange), _base(file, arms, number)
-    return LimbParts(number, arm, base, tuple(links), gripper, length, chain, recognised(chain))
+    found = exported_arm(file, arm, number) or recognised(chain)
+    return LimbParts(number, arm, base, tuple(links), gripper, length, chain, found)
 
 
 def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.any_limb import AnyLimb
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.file_joints import FileJoints, axes_of
+from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.values import as_triple
 
 ALIGNED = 1e-3
 """Largest angle between axes that count as parallel or perpendicular [rad]."""
@@ -18,6 +22,9 @@ MEETING = 1e-3
 
 EXACT = 1e-7
 """Lengths [m] and angles [rad] below this are rounding errors of a file and count as 0."""
+
+SAME = 1e-11
+"""Frames that deviate by less, in metres and radians, are the same."""
 
 DECIMALS = 9
 """Lengths are rounded to nanometres, so that a rounded angle of a file leaves no trace in them."""
@@ -69,40 +76,76 @@ class RecognisedArm(NamedTuple):
     fields: dict[str, Any]
     """Its lengths [m], and the joint that is held."""
     signs: Array
-    """1 or -1 for each joint that moves: an angle of the family is `sign * angle of the file +
-    offset`, plus the limb's `joint_shifts`."""
-    offsets: Array
-    """The offsets [rad], shape (6,)."""
+    """1 or -1 for each joint of the family's arm, see `FileJoints`, shape (n,)."""
+    zeros: Array
+    """Angles of the family where those of the file are 0 [rad], shape (n,)."""
     mount: Array
     """Base frame of the limb in the frame of the chain, shape (4, 4)."""
-    held_limits: tuple[float, float] | None = None
-    """Limits of the joint that is held in the terms of the family [rad], if the family has one."""
+    held_limits: tuple[float, float] = (-np.pi, np.pi)
+    """Limits of the joint that is held [rad], if the family has one."""
 
     def limb(self, limits: list[tuple[float, float]]) -> AnyLimb:
-        """Return the limb, by the limits of the joints that move in the terms of the family."""
+        """Return the limb, by the limits of the joints that move."""
         held = self.fields.get("held_joint")
-        if held is not None and self.held_limits is not None:
+        if held is not None:
             limits = [*limits[: held - 1], self.held_limits, *limits[held - 1 :]]
-        return self.kind(**self.fields, joint_limits=tuple(limits))
+        limb = self.kind(**self.fields, joint_limits=tuple(limits))
+        if not self.zeros.any() and self.signs.min() > 0.0:
+            return limb
+        joints = FileJoints(tuple(self.signs.tolist()), tuple(self.zeros.tolist()))
+        limb = replace(limb, joints=joints)
+        return replace(limb, window_starts=_window_starts(limb))
 
     def turned(self, angle: float) -> RecognisedArm:
         """Return the arm with its base frame turned about the first axis [rad]."""
-        mount, offsets, fields, limits = (
-            self.mount.copy(),
-            self.offsets.copy(),
-            {},
-            self.held_limits,
-        )
+        mount, zeros = self.mount.copy(), self.zeros.copy()
         c, s = np.cos(angle), np.sin(angle)
         mount[:3, :2] = mount[:3, :2] @ [[c, -s], [s, c]]
-        if self.fields.get("held_joint") != 1:
-            offsets[0] -= angle
-        elif limits is not None:
-            fields = {"held_angle": self.fields["held_angle"] - angle}
-            limits = limits[0] - angle, limits[1] - angle
-        return self._replace(
-            fields=self.fields | fields, offsets=offsets, mount=mount, held_limits=limits
-        )
+        zeros[0] -= angle
+        return self._replace(zeros=zeros, mount=mount)
+
+
+def _window_starts(limb: AnyLimb) -> tuple[float, ...]:
+    """Return where the windows of the form begin in the terms of the file [rad].
+
+    Of those a turn apart the one is taken that lies nearest to the middle of the limits.
+    """
+    turn = 2.0 * np.pi
+    starts = limb.signs * (np.array(limb.window_starts) - limb.zeros)
+    starts = np.where(limb.signs < 0.0, starts - turn, starts)
+    starts += turn * np.rint((limb.limits.mean(axis=1) - starts - np.pi) / turn)
+    return tuple(starts.tolist())
+
+
+def with_exact_frames(limb: AnyLimb, base: Array, chain: JointChain) -> AnyLimb:
+    """Return a limb whose joints are exactly where a chain has them, by its base frame (4, 4).
+
+    A link's frame has its z axis and its origin on the joint's axis, and its x axis next to that of
+    the form. Frames of an arm that does not deviate from its form are those of the form.
+    """
+    of_form = base @ link_frames(limb, np.zeros(6))
+    before, steps = base, []
+    for k in range(6):
+        z = limb.signs[k] * chain.axes[k]
+        origin = of_form[k + 1, :3, 3] if k < 5 else chain.flange[:3, 3]
+        origin = chain.anchors[k] + ((origin - chain.anchors[k]) @ z) * z
+        x = of_form[k + 1, :3, 0] - (of_form[k + 1, :3, 0] @ z) * z
+        x /= np.linalg.norm(x)
+        frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), origin)
+        steps.append(inverse(before) @ frame)
+        before = frame
+    apart = max(
+        float(np.abs(inverse(rigid(axes_of(quaternion), origin)) @ step - np.eye(4)).max())
+        for (origin, quaternion), step in zip(limb.link_offsets, steps, strict=True)
+    )
+    if apart < SAME:
+        return limb
+    count = len(limb.joint_limits)
+    joints = limb.joints or FileJoints((1.0,) * count, (0.0,) * count)
+    turns = Rotation.from_matrix([step[:3, :3] for step in steps]).as_quat(scalar_first=True)
+    frames = tuple(as_triple(step[:3, 3]) for step in steps)
+    quaternions = tuple(map(tuple, turns.tolist()))
+    return replace(limb, joints=replace(joints, origins=frames, quaternions=quaternions))
 
 
 def foot(chain: JointChain, k: int, other: int) -> Array:

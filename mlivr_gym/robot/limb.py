@@ -15,6 +15,14 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.file_joints import (
+    FARTHEST_TURN,
+    FileJoints,
+    GivenJoints,
+    LinkQuaternion,
+    axes_of,
+    rolled,
+)
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -23,9 +31,6 @@ FAMILIES = ("ur", "spherical_wrist")
 
 They are not imported from there, since robots are described without a compiler.
 """
-
-FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
 
 JOINT_LIMITS = (
     *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
@@ -55,9 +60,6 @@ FOLDS = (
 Chosen from postures that keep clear of the body: each in turn adds most steps of the JEM over which
 a limb can fold, stay folded and unfold.
 """
-
-LinkQuaternion = tuple[float, float, float, float]
-"""A unit quaternion w, x, y, z."""
 
 LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
 """Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
@@ -102,6 +104,7 @@ class LimbBase(ABC):
     window_starts: tuple[float, ...]
     held_joint: int | None = None
     held_angle: float = 0.0
+    joints: FileJoints | None = None
 
     @property
     @abstractmethod
@@ -110,21 +113,75 @@ class LimbBase(ABC):
 
     @property
     @abstractmethod
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
+    def form_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 of the form at which a free limb may stay folded [rad]."""
 
     @property
     @abstractmethod
-    def lengths(self) -> Array:
+    def form_lengths(self) -> Array:
         """Lengths of the family [m]."""
 
     @property
     @abstractmethod
+    def form_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the six links, each in that of the link before it, where the form is at 0."""
+
+    @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links, each in that of the link before it, at joint angles of 0.
 
-        Joints turn about the z axes; the last frame is the flange's.
+        Joints turn about the z axes, in the sense of `signs`; the last frame is the flange's.
         """
+        if self.joints is not None and self.joints.origins is not None:
+            return tuple(zip(self.joints.origins, self.joints.quaternions or (), strict=True))
+        return tuple(
+            (origin, rolled(quaternion, zero)) if zero else (origin, quaternion)
+            for (origin, quaternion), zero in zip(
+                self.form_offsets, self.zeros.tolist(), strict=True
+            )
+        )
+
+    @property
+    def signs(self) -> Array:
+        """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1.
+
+        An angle of the form is `sign * angle + zero`.
+        """
+        if self.joints is None:
+            return np.ones(6)
+        return self.moving_angles(np.array(self.joints.signs, dtype=np.float64))
+
+    @property
+    def zeros(self) -> Array:
+        """Angles of the form of the joints that move where their own are 0 [rad], shape (6,)."""
+        if self.joints is None:
+            return self.joint_shifts
+        zeros: Array = self.moving_angles(np.array(self.joints.zeros)) + self.joint_shifts
+        return zeros
+
+    @property
+    def form_held_angle(self) -> float:
+        """Angle of the form at which the held joint is held [rad]."""
+        if self.joints is None or self.held_joint is None:
+            return self.held_angle
+        k = self.held_joint - 1
+        return float(self.joints.signs[k] * self.held_angle + self.joints.zeros[k])
+
+    @property
+    def lengths(self) -> Array:
+        """Figures of the arm, see `kinematics.lengths.set_arm`, shape (n,)."""
+        parts = [self.signs, self.zeros, self.form_lengths]
+        if self.joints is not None and self.joints.origins is not None:
+            turns = -self.zeros
+            for (origin, quaternion), turn in zip(self.link_offsets, turns.tolist(), strict=True):
+                parts.append(np.array([origin, *axes_of(rolled(quaternion, turn)).T]).ravel())
+        return np.concatenate(parts)
+
+    @property
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
+        folds = (np.array(self.form_folds) - self.zeros[:5]) * self.signs[:5]
+        return tuple(map(tuple, folds.tolist()))
 
     @property
     @abstractmethod
@@ -167,7 +224,7 @@ class LimbBase(ABC):
 
     @property
     def joint_shifts(self) -> Array:
-        """By how much angles of the joints that move exceed those of the arm [rad], shape (6,)."""
+        """Angles of the form where those of the arm of the family are 0 [rad], shape (6,)."""
         return np.zeros(6)
 
     def moving_angles(self, angles: Array) -> Array:
@@ -178,12 +235,11 @@ class LimbBase(ABC):
         rows = np.asarray(angles, dtype=np.float64)
         if self.held_joint is not None:
             rows = np.delete(rows, self.held_joint - 1, axis=-1)
-        moving: Array = rows + self.joint_shifts
-        return moving
+        return rows
 
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
-        rows: Array = np.asarray(moving, dtype=np.float64) - self.joint_shifts
+        rows: Array = np.asarray(moving, dtype=np.float64)
         if self.held_joint is None:
             return rows
         return np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
@@ -203,6 +259,8 @@ class LimbBase(ABC):
             if not (low < high or (low == high and joint + 1 == self.held_joint)):
                 limits = place.field("joint_limits").entry(joint)
                 raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        if self.joints is not None:
+            self.joints.check(place.field("joints"), joints)
         if self.held_joint is None:
             return
         low, high = self.joint_limits[self.held_joint - 1]
@@ -228,7 +286,8 @@ class LimbBase(ABC):
     def with_flange_moved(self, shift: float) -> Any:
         """Return the limb with its flange farther out on the last axis [m]."""
         limb: Any = self
-        return replace(limb, d6=limb.d6 + shift)
+        joints = None if self.joints is None else self.joints.with_flange_moved(shift)
+        return replace(limb, d6=limb.d6 + shift, joints=joints)
 
     def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
         """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
@@ -247,7 +306,7 @@ class Limb(LimbBase):
 
     Examples
     --------
-    >>> Limb().lengths.tolist()
+    >>> Limb().form_lengths.tolist()
     [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     """
 
@@ -261,7 +320,9 @@ class Limb(LimbBase):
     """Lower and upper limit of each joint [rad]."""
     window_starts: SixAngles = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
-    family_code, default_folds = FAMILIES.index("ur"), FOLDS
+    joints: GivenJoints = None
+    """The joints of the file that the limb is read from; None for those of the form."""
+    family_code, form_folds = FAMILIES.index("ur"), FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
@@ -277,14 +338,14 @@ class Limb(LimbBase):
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
 
     @property
-    def lengths(self) -> Array:
+    def form_lengths(self) -> Array:
         """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
         return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
 
     @property
     def reach(self) -> float:
         """An upper bound of the flange's distance from the mount [m]."""
-        return float(np.abs(self.lengths).sum())
+        return float(np.abs(self.form_lengths).sum())
 
     @property
     def arm_length(self) -> float:
@@ -292,7 +353,7 @@ class Limb(LimbBase):
         return abs(self.a2) + abs(self.a3)
 
     @property
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
+    def form_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links."""
         return (
             ((0.0, 0.0, self.d1), STRAIGHT), ((0.0, 0.0, 0.0), FORTH),
@@ -303,7 +364,7 @@ class Limb(LimbBase):
     @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's base [m]."""
-        d1, a2, a3, d4, d5, d6 = np.abs(self.lengths).tolist()
+        d1, a2, a3, d4, d5, d6 = np.abs(self.form_lengths).tolist()
         return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
 
     @property

@@ -170,7 +170,7 @@ def arm_of(limb: LimbBase) -> str | None:
     if not isinstance(limb, Limb):
         return None
     for name in ARMS:
-        apart: Array = limb.lengths - arm_limb(name).lengths
+        apart: Array = limb.form_lengths - arm_limb(name).form_lengths
         if np.abs(apart).max() < SAME_LENGTH:
             return name
     return None
@@ -184,7 +184,7 @@ def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
     """
     name = arm_of(limb)
     if name is None:
-        lengths = ", ".join(f"{length:g}" for length in limb.lengths)
+        lengths = ", ".join(f"{length:g}" for length in limb.form_lengths)
         raise RobotError(
             f"robot {robot!r} cannot be simulated: its limbs' lengths {lengths} m are "
             f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "

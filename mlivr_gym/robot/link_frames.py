@@ -6,19 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.limb import LimbBase, LinkQuaternion
-
-
-def axes_of(quaternion: LinkQuaternion) -> Array:
-    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+from mlivr_gym.robot.file_joints import axes_of
+from mlivr_gym.robot.limb import LimbBase
 
 
 def link_frames(limb: LimbBase, angles: Array) -> Array:
@@ -29,9 +18,9 @@ def link_frames(limb: LimbBase, angles: Array) -> Array:
     frames = np.empty((*angles.shape[:-1], 7, 4, 4))
     frames[..., 0, :, :] = np.eye(4)
     for k, (origin, quaternion) in enumerate(limb.link_offsets):
-        step = np.zeros((*angles.shape[:-1], 4, 4))
-        step[..., 0, 0] = step[..., 1, 1] = np.cos(angles[..., k])
-        step[..., 1, 0] = np.sin(angles[..., k])
+        step, turns = np.zeros((*angles.shape[:-1], 4, 4)), limb.signs[k] * angles[..., k]
+        step[..., 0, 0] = step[..., 1, 1] = np.cos(turns)
+        step[..., 1, 0] = np.sin(turns)
         step[..., 0, 1] = -step[..., 1, 0]
         step[..., 2, 2] = step[..., 3, 3] = 1.0
         step[..., :3, :3] = axes_of(quaternion) @ step[..., :3, :3]

@@ -11,17 +11,17 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.file_joints import UNIT_LENGTH, GivenJoints, LinkQuaternion, axes_of
 from mlivr_gym.robot.limb import (
     STRAIGHT,
     AnchorPlace,
     LimbBase,
     LinkOffset,
-    LinkQuaternion,
     SixAngles,
     SixLimits,
     share_of,
 )
-from mlivr_gym.robot.link_frames import axes_of, link_frames
+from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -30,9 +30,6 @@ NUMERIC = "numeric"
 
 WINDOW_STARTS = (-np.pi,) * 6
 """Where the windows of the joints begin [rad], see `LimbBase.windows`."""
-
-UNIT_LENGTH = 1e-6
-"""How far a quaternion's length may be from 1."""
 
 LEAST_SINE = 1e-3
 """Least sine of the angle between axes 5 and 6."""
@@ -68,6 +65,8 @@ class NumericLimb(LimbBase):
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
     family: Annotated[str, Choice((NUMERIC,))] = NUMERIC
     """`"numeric"`."""
+    joints: GivenJoints = None
+    """The joints of the file that the limb is read from; None for those of the form."""
     family_code = 3
 
     def __post_init__(self) -> None:
@@ -105,7 +104,7 @@ class NumericLimb(LimbBase):
     @property
     def wrist(self) -> Triple:
         """The point of axis 6 nearest to axis 5, in the frame of link 5 [m]."""
-        *_, (origin, quaternion) = self.link_offsets
+        *_, (origin, quaternion) = self.form_offsets
         z = axes_of(quaternion)[:, 2]
         across = np.array([z[0], z[1], 0.0])
         share = -float(np.array(origin) @ across) / float(across @ across)
@@ -120,23 +119,23 @@ class NumericLimb(LimbBase):
     @property
     def d6(self) -> float:
         """From the wrist point to the flange along axis 6 [m]."""
-        *_, (origin, quaternion) = self.link_offsets
+        *_, (origin, quaternion) = self.form_offsets
         return float((np.array(origin) - self.wrist) @ axes_of(quaternion)[:, 2])
 
     def with_flange_moved(self, shift: float) -> NumericLimb:
         """Return the limb with its flange farther out on the last axis [m]."""
-        *others, (origin, quaternion) = self.link_offsets
+        *others, (origin, quaternion) = self.form_offsets
         x, y, z = (np.array(origin) + shift * axes_of(quaternion)[:, 2]).tolist()
         return replace(self, origins=(*(place for place, _ in others), (x, y, z)))
 
     @property
-    def lengths(self) -> Array:
+    def form_lengths(self) -> Array:
         """Origins [m] and axes of the links' frames, `kinematics.arm.NumericArm.steps`, (72,)."""
-        steps = [[origin, *axes_of(quaternion).T] for origin, quaternion in self.link_offsets]
+        steps = [[origin, *axes_of(quaternion).T] for origin, quaternion in self.form_offsets]
         return np.array([np.stack(step) for step in steps]).reshape(-1)
 
     @property
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
+    def form_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links."""
         return tuple(zip(self.origins, self.quaternions, strict=True))
 
@@ -157,8 +156,8 @@ class NumericLimb(LimbBase):
         return max(round(float(farthest), 3), 1e-3)
 
     @property
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad].
+    def form_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 of the form at which a free limb may stay folded [rad].
 
         Of many postures that stay on the outer side of the mount, those that reach least far.
         """
@@ -167,7 +166,8 @@ class NumericLimb(LimbBase):
         outer = origins[..., 2].min(axis=1) >= 0.0
         size = np.where(outer, np.linalg.norm(origins, axis=2).max(axis=1), np.inf)
         chosen = np.argsort(size, kind="stable")[:FOLDS]
-        return tuple(map(tuple, np.round(angles[chosen, :5], 3).tolist()))
+        folds = self.signs[:5] * np.round(angles[chosen, :5], 3) + self.zeros[:5]
+        return tuple(map(tuple, folds.tolist()))
 
     @property
     def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:

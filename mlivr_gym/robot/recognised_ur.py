@@ -45,7 +45,7 @@ def three_parallel(chain: JointChain) -> RecognisedArm | str:
         return reason
     points = np.array([shoulder, bend, wrist])
     literal = _in_family(chain, points, np.array([1.0, 1.0, 1.0, 1.0]), (0.0, 0.0))
-    if not np.abs(literal.offsets).max() and _points_out(chain, literal.fields["d6"], 1.0):
+    if not np.abs(literal.zeros).max() and _points_out(chain, literal.fields["d6"], 1.0):
         return literal
     normal = chain.axes[1]
     signs = np.array([

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.robot.file_joints import FARTHEST_TURN
 from mlivr_gym.robot.joint_chain import (
     ALIGNED,
     EXACT,
@@ -26,9 +27,8 @@ from mlivr_gym.robot.joint_chain import (
     sign_of,
     tool_x,
 )
-from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.link_frames import rigid
-from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SHIFTS, SphericalWristLimb
+from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT, SphericalWristLimb
 
 
 class Points(NamedTuple):
@@ -73,11 +73,6 @@ def spherical_wrist(chain: JointChain) -> RecognisedArm | str:
     literal = _seen_in_family(chain, points, plus)
     lengths = literal.lengths
     zeros = literal.zeros(chain, plus)
-    if chain.held is not None:
-        # What this package wrote has the zero angles of the form of the joints that move.
-        k = chain.held.joint
-        written = np.insert(np.delete(zeros, k) + SHIFTS[k + 1], k, zeros[k])
-        zeros = zeros if np.abs(written).max() > EXACT else np.zeros(7)
     if zeros.any() or min(lengths[name] for name in ("a2", "d4", "d6")) < 0.0:
         return _in_family(chain, points, _signs(chain, points, elbow))
     return _in_family(chain, points, plus)
@@ -107,8 +102,12 @@ def spherical_shoulder(chain: JointChain) -> RecognisedArm | str:
     if isinstance(found, str):
         return f"seen from the flange, {found}"
     arm = dict.fromkeys(("a1", "d2", "b2", "d3"), 0.0) | found.fields
+    signs, zeros = found.signs[::-1], found.zeros[::-1].copy()
     if arm["held_joint"] is None and not arm["a1"]:
         arm |= {"held_joint": HELD_JOINT, "held_angle": 0.0, "d3": arm["d2"], "d2": 0.0}
+        signs, zeros = (
+            np.insert(one, 7 - HELD_JOINT, end) for one, end in ((signs, 1.0), (zeros, 0.0))
+        )
     if arm["held_joint"] not in (2, 3) or arm["d2"]:
         return "seen from the flange, neither its joint 2 nor its joint 3 is the one that is held"
     fields = {
@@ -116,15 +115,14 @@ def spherical_shoulder(chain: JointChain) -> RecognisedArm | str:
         "d3": arm["d3"], "d4": arm["a2"], "d6": arm["d1"], "a6": -arm["a1"] + 0.0,
         "held_joint": 8 - arm["held_joint"], "held_angle": arm["held_angle"],
     }  # fmt: skip
-    out, offsets = found.signs[0] * opposite.axes[0], found.offsets[::-1].copy()
+    out = found.signs[0] * opposite.axes[0]
     tool, first = tool_x(chain.flange, out), found.mount[:3, 0]
-    offsets[-1] -= np.arctan2(np.cross(first, tool) @ out, first @ tool)
-    offsets[np.abs(offsets) < EXACT] = 0.0
+    zeros[-1] -= np.arctan2(np.cross(first, tool) @ out, first @ tool)
+    zeros[np.abs(zeros) < EXACT] = 0.0
     up = -found.signs[-1] * opposite.axes[-1]
     ahead = tool_x(foot_of_base, up)
     mount = rigid(np.stack([ahead, np.cross(up, ahead), up], axis=1), foot_of_base[:3, 3])
-    limits = found.held_limits or (-np.pi, np.pi)
-    return RecognisedArm(SphericalWristLimb, fields, found.signs[::-1], offsets, mount, limits)
+    return RecognisedArm(SphericalWristLimb, fields, signs, zeros, mount, found.held_limits)
 
 
 def _with_held_joint(chain: JointChain) -> JointChain:
@@ -306,14 +304,11 @@ def _in_family(chain: JointChain, points: Points, signs: Array) -> RecognisedArm
     fields: dict[str, Any] = {**seen.lengths, "held_joint": None}
     if chain.held is None:
         return RecognisedArm(SphericalWristLimb, fields, signs, seen.angles, seen.mount)
-    k = chain.held.joint
-    zero = seen.zeros(chain, signs)[k]
-    low, high = sorted(float(signs[k] * end + zero) for end in chain.held.limits)
-    turns = float(2.0 * np.pi * np.round(0.5 * (low + high) / (2.0 * np.pi)))
-    fields |= {"held_joint": k + 1, "held_angle": rounded(seen.angles[k] - turns)}
-    moving, angles = np.delete(signs, k), np.delete(seen.angles, k)
-    limits = (max(low - turns, -FARTHEST_TURN), min(high - turns, FARTHEST_TURN))
-    return RecognisedArm(SphericalWristLimb, fields, moving, angles, seen.mount, limits)
+    fields |= {"held_joint": chain.held.joint + 1, "held_angle": chain.held.angle}
+    low, high = chain.held.limits
+    limits = max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)
+    zeros = seen.zeros(chain, signs)
+    return RecognisedArm(SphericalWristLimb, fields, signs, zeros, seen.mount, limits)
 
 
 def _is_tilted(chain: JointChain) -> bool:

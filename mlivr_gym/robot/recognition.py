@@ -18,7 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.joint_chain import (
     ALIGNED,
-    EXACT,
+    SAME,
     HeldJoint,
     JointChain,
     RecognisedArm,
@@ -30,13 +30,13 @@ from mlivr_gym.robot.joint_chain import (
     flange_sign,
     foot,
     right_angle_fault,
-    rounded,
     tool_x,
 )
 from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.recognised_ur import three_parallel
 from mlivr_gym.robot.recognised_wrist import spherical_shoulder, spherical_wrist
+from mlivr_gym.values import as_triple
 
 JOINTS = 6
 """Number of joints of an arm that is solved numerically."""
@@ -180,8 +180,8 @@ def _any_six_joints(chain: JointChain) -> RecognisedArm | str:
     origins, quaternions = [], []
     for before, after in itertools.pairwise(frames):
         step = np.linalg.inv(before) @ after
-        step[np.abs(step) < EXACT] = 0.0
-        origins.append(tuple(rounded(part) for part in step[:3, 3]))
+        step[np.abs(step) < SAME] = 0.0
+        origins.append(as_triple(step[:3, 3]))
         quaternions.append(_quaternion(step[:3, :3]))
     fields: dict[str, Any] = {"origins": tuple(origins), "quaternions": tuple(quaternions)}
     try:

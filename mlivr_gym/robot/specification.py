@@ -26,7 +26,8 @@ from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
+from mlivr_gym.robot.file_joints import FARTHEST_TURN
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
     MASSES,
@@ -43,7 +44,7 @@ from mlivr_gym.robot.mounts import (
     GivenCapsules,
     Mount,
     plain_without_looks,
-    without_empty_looks,
+    without_none,
 )
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
@@ -58,7 +59,7 @@ FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 """Endings of the files that `from_file` reads."""
 
-PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals")
+PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals", "joint_names")
 """Fields of a robot on which no plan depends."""
 
 
@@ -141,6 +142,10 @@ class RobotSpec(DerivedFigures):
     """Meshes that show a limb in pictures; None for those that ship, or for its capsules."""
     cargo: Annotated[Cargo | None, OrNone(CARGO)] = None
     """Load that is fixed to the body; None for none."""
+    joint_names: Annotated[
+        tuple[tuple[str, ...], ...] | None, OrNone(ListOf(ListOf(NAME, 6, 6), 2, MOST_LIMBS))
+    ] = None
+    """Names of the joints of each limb that move, six of them; None for `named_joints`."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -156,10 +161,22 @@ class RobotSpec(DerivedFigures):
             check_inertia(self.body_inertia, FieldPath("body_inertia", RobotError))
         check_moving(self.capsules, FieldPath("", RobotError))
         check_cargo(self)
+        self._check_names()
         if self.span <= self.grasp_separation:
             raise RobotError(
                 f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}"
             )
+
+    def _check_names(self) -> None:
+        """Refuse names of joints that are not those of the limbs, or not different."""
+        names = [name for limb in self.joint_names or () for name in limb]
+        if self.joint_names is not None and len(self.joint_names) != self.limbs:
+            raise RobotError(
+                f"joint_names is of {len(self.joint_names)} limbs; the robot has {self.limbs}"
+            )
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise RobotError(f"joint_names has {name!r} twice; names must differ")
 
     @property
     def fingerprint(self) -> str:
@@ -172,8 +189,12 @@ class RobotSpec(DerivedFigures):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the description as plain data for JSON, with `visuals` only if there are any."""
-        return without_empty_looks(asdict(self))
+        """Return the description as plain data for JSON.
+
+        What a robot has only if it was read from a file, or is loaded, is left out where it is
+        None.
+        """
+        return without_none(asdict(self))
 
     @classmethod
     def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:

@@ -10,10 +10,10 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.file_joints import FARTHEST_TURN, GivenJoints
 from mlivr_gym.robot.limb import (
     BACK,
     FAMILIES,
-    FARTHEST_TURN,
     FORTH,
     STRAIGHT,
     AnchorPlace,
@@ -132,6 +132,8 @@ class SphericalWristLimb(LimbBase):
     """Offset of the arm along the elbow axis [m]; 0 of an arm of six joints."""
     a6: Length = 0.0
     """Distance of axis 7 from axis 6 [m]; 0 unless joint 6 is held."""
+    joints: GivenJoints = None
+    """The joints of the file that the limb is read from; None for those of the form."""
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -156,7 +158,7 @@ class SphericalWristLimb(LimbBase):
                 if self.held_joint is not None:
                     of = f"where joint {self.held_joint} is held"
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must be 0 {of}")
-        if self.held_joint in (2, 6) and abs(np.sin(self.held_angle)) < MIN_SIZE:
+        if self.held_joint in (2, 6) and abs(np.sin(self.form_held_angle)) < MIN_SIZE:
             raise place.field("held_angle").fault(
                 f"is {self.held_angle:g} rad; with joint {self.held_joint} held there joints "
                 f"{self.held_joint - 1} and {self.held_joint + 1} are in line"
@@ -170,11 +172,12 @@ class SphericalWristLimb(LimbBase):
         return replace(
             self, d1=self.d6, a1=-self.a6, a2=self.d4, b2=-self.a3, a3=-self.b2, d4=self.a2,
             d6=self.d1, a6=0.0, held_joint=8 - self.held_joint,
-            joint_limits=self.joint_limits[::-1],
+            held_angle=self.form_held_angle, joints=None,
+            joint_limits=((-FARTHEST_TURN, FARTHEST_TURN),) * 7,
         )  # fmt: skip
 
     @property
-    def lengths(self) -> Array:
+    def form_lengths(self) -> Array:
         """Lengths d1, a1, d2, a2, b2, a3, d4, d6 [m] and two angles [rad], shape (10,).
 
         They are those of the form of the six joints that move, see `kinematics.spherical_wrist` and
@@ -182,10 +185,10 @@ class SphericalWristLimb(LimbBase):
         """
         opposite = self.seen_from_flange
         if opposite is not None:
-            form = opposite.lengths
+            form = opposite.form_lengths
             form[[0, 7]] = form[[7, 0]]
             return form
-        d1, twist, held, angle = self.d1, QUARTER, QUARTER, self.held_angle
+        d1, twist, held, angle = self.d1, QUARTER, QUARTER, self.form_held_angle
         if self.held_joint == 1:
             arm = (self.d2, 0.0, self.d3, self.b2, -self.a2)
         elif self.held_joint == 2:
@@ -209,13 +212,13 @@ class SphericalWristLimb(LimbBase):
         """
         if self.held_joint != 1:
             return None
-        c, s = np.cos(self.held_angle), np.sin(self.held_angle)
+        c, s = np.cos(self.form_held_angle), np.sin(self.form_held_angle)
         axes = np.array([[-c, 0.0, s], [-s, 0.0, -c], [0.0, -1.0, 0.0]])
         return axes, np.array([0.0, 0.0, self.d1])
 
     @property
     def joint_shifts(self) -> Array:
-        """By how much angles of the joints that move exceed those of the arm [rad], `SHIFTS`."""
+        """Angles of the form where those of the arm of the family are 0 [rad], `SHIFTS`."""
         return np.array(SHIFTS[self.held_joint])
 
     @property
@@ -229,17 +232,15 @@ class SphericalWristLimb(LimbBase):
         return FAMILIES.index(self.family) + (self.held_joint in (5, 6))
 
     @property
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-        folds = np.array(FOLDS)
-        if self.held_joint is None:
-            folds = np.delete(folds, HELD_JOINT - 1, axis=1)
-        return tuple(map(tuple, self.moving_angles(folds)[:, :5].tolist()))
+    def form_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 of the form at which a free limb may stay folded [rad]."""
+        folds = np.delete(np.array(FOLDS), (self.held_joint or HELD_JOINT) - 1, axis=1)
+        return tuple(map(tuple, (folds + self.joint_shifts)[:, :5].tolist()))
 
     @property
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
+    def form_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links."""
-        d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.lengths.tolist()
+        d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.form_lengths.tolist()
         c, s = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)))
         lean, back = ((c, s, 0.0, 0.0), (c, -s, 0.0, 0.0)) if twist != QUARTER else (FORTH, BACK)
         rolled = (float(np.cos(0.5 * held)), 0.0, float(np.sin(0.5 * held)), 0.0)
@@ -262,7 +263,7 @@ class SphericalWristLimb(LimbBase):
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
         base = abs(self.d1) if self.held_joint == 1 else 0.0
-        steps = [float(np.linalg.norm(place)) for place, _ in self.link_offsets]
+        steps = [float(np.linalg.norm(place)) for place, _ in self.form_offsets]
         return (base, *(base + np.cumsum(steps)).tolist())
 
     @property
@@ -272,8 +273,8 @@ class SphericalWristLimb(LimbBase):
         If joint 5 or 6 is held these are the shoulder, the elbow on links 3 (anchor 1) and 4 (2),
         and where axes 5 and 6 meet.
         """
-        here, places = (0.0, 0.0, 0.0), [place for place, _ in self.link_offsets]
-        tip: tuple[AnchorPlace, ...] = ((3, (0.0, 0.0, -float(self.lengths[7]))),)
+        here, places = (0.0, 0.0, 0.0), [place for place, _ in self.form_offsets]
+        tip: tuple[AnchorPlace, ...] = ((3, (0.0, 0.0, -float(self.form_lengths[7]))),)
         if self.seen_from_flange is not None:
             upper, fore = ((0, here), (1, places[3])), ((2, here), (3, places[4]))
             return {1: ((0, here),), 2: ((0, here),), 3: upper, 4: fore, 5: ((3, here),), 6: tip}
@@ -289,8 +290,8 @@ class SphericalWristLimb(LimbBase):
     @property
     def link_capsules(self) -> tuple[Capsule, ...]:
         """Simple collision shapes along the links, without a gripper."""
-        places = [place for place, _ in self.link_offsets]
-        form = self.lengths.tolist()
+        places = [place for place, _ in self.form_offsets]
+        form = self.form_lengths.tolist()
         d6, radius, here = form[7], THICKNESS * self.arm_length, (0.0, 0.0, 0.0)
         flange = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
         stands = (

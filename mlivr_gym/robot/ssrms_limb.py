@@ -10,7 +10,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.limb import FARTHEST_TURN, Angle, Length, Limb, SixAngles
+from mlivr_gym.robot.file_joints import FARTHEST_TURN
+from mlivr_gym.robot.limb import Angle, Length, Limb, SixAngles
 from mlivr_gym.schema import Choice, FieldPath, Integer, Struct, Tuples
 
 SSRMS = "ssrms"
@@ -90,7 +91,7 @@ class SsrmsLimb(Limb):
     """1."""
     held_angle: Angle = 0.0
     """Angle at which it is held [rad]; at 0 the axis of joint 2 is the x axis of the mount."""
-    default_folds = FOLDS
+    form_folds = FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -105,7 +106,8 @@ class SsrmsLimb(Limb):
 
         Its z axis is that of joint 2, its x axis that of joint 1.
         """
-        c, s = (np.cos(self.held_angle), np.sin(self.held_angle)) if self.held_angle else (1.0, 0.0)
+        held = self.form_held_angle
+        c, s = (np.cos(held), np.sin(held)) if held else (1.0, 0.0)
         axes = np.array([[0.0, s, c], [0.0, -c, s], [1.0, 0.0, 0.0]])
         return axes, np.array([0.0, 0.0, self.d0])
 

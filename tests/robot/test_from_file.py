@@ -46,7 +46,7 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
     assert robot.body_mass == pytest.approx(20.0)
     np.testing.assert_allclose(robot.body_centre, [0.01, 0.02, 0.03], atol=1e-9)
     for limb, lengths in zip(robot.every_limb, (UR10E, small), strict=True):
-        np.testing.assert_allclose(limb.lengths, lengths, atol=1e-8)
+        np.testing.assert_allclose(limb.form_lengths, lengths, atol=1e-8)
     np.testing.assert_allclose(
         robot.mount_rotations[:, :, 2], [p[:3, 2] for p in places], atol=1e-9
     )

@@ -94,6 +94,6 @@ def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
     """It is then a limb of the UR family; the sign of the booms is a choice of axes."""
     path = written(tmp_path, one_arm(frames=published_frames()))
     robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="joint1")
-    np.testing.assert_allclose(np.abs(robot.limb.lengths), LIMB.lengths, atol=1e-6)
+    np.testing.assert_allclose(np.abs(robot.limb.form_lengths), LIMB.form_lengths, atol=1e-6)
     with pytest.raises(RobotError, match="no supported family"):
         RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5)

@@ -4,7 +4,6 @@ from functools import cache
 
 import numpy as np
 from compiled import called
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.kinematics.arm import Arm, FlangeAxis
 from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
@@ -45,15 +44,3 @@ def solutions(arm, p, r, slack=SINGULAR_TOO):
         if q is not None:
             mask, out[branch] = mask | 1 << branch, q
     return mask, out
-
-
-def flanges_nearby(limb, frame, change, rng, count=40):
-    """Flange poses whose wrist and axis are as far from those of a frame as told [m, rad]."""
-    far, angle = change
-    place, axes = frame[:3, 3], frame[:3, :3]
-    aside, about = rng.normal(size=(2, count, 3))
-    about = np.cross(axes[:, 2], about)
-    aside, about = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (aside, about))
-    turned = Rotation.from_rotvec(angle * about).as_matrix() @ axes
-    wrists = place - limb.d6 * axes[:, 2] + far * aside
-    return zip(wrists + limb.d6 * turned[:, :, 2], turned, strict=True)

@@ -10,7 +10,7 @@ from oracle import flange
 from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
 from mlivr_gym import RobotSpec
-from mlivr_gym.robot.spherical_wrist_limb import SHIFTS, SphericalWristLimb
+from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
 
 WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
 IIWA = SphericalWristLimb()
@@ -62,7 +62,7 @@ FURTHER = {
 
 def moved_by(limb, q):
     """Angles of all joints of the model by those of the joints that move."""
-    q = np.asarray(q) - SHIFTS[limb.held_joint]
+    q = np.asarray(q)
     return q if limb.held_joint is None else np.insert(q, limb.held_joint - 1, limb.held_angle)
 
 
