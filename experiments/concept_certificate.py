@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from concept_figures import OUT, manipulability
 from matplotlib.figure import Figure
+from mlivr_gym.motion.base_paths import path_of, support_joints
 from numba import njit
 from reports import GOAL, START, two_limb_graph
 
@@ -21,7 +22,6 @@ from mlivr_gym.kinematics.base_path import BasePath, pose_on_path, travel_seen, 
 from mlivr_gym.kinematics.families import branch_terms, stays_above
 from mlivr_gym.kinematics.limb import MountedArm, flange_seen
 from mlivr_gym.kinematics.poses import Pose, along, columns, vector
-from mlivr_gym.motion.base_paths import path_of, support_joints
 from mlivr_gym.motion.commitment import edges_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.pictures.figures import save_figure

@@ -24,8 +24,8 @@ from mlivr_gym.collisions.against_boxes import (
     compare_with_grid,
 )
 from mlivr_gym.collisions.against_robot import (
-    compare_capsule_pair,
     compare_limb_with_body,
+    compare_limb_with_itself,
     compare_limbs,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
@@ -416,7 +416,7 @@ def _compare_limb(
         if result > UNDECIDED:
             return result
     if interval.itself[i]:
-        result, interval.itself[i] = _compare_with_itself(
+        result, interval.itself[i] = compare_limb_with_itself(
             limb, placed, interval.itself[i], clearance
         )
         if result > UNDECIDED:
@@ -466,31 +466,6 @@ def _compare_with_boxes(
             return result, undecided
         if is_far or result == UNDECIDED:
             undecided |= only(c)
-    return UNDECIDED if undecided else CLEAR, undecided
-
-
-@kernel
-def _compare_with_itself(
-    limb: LimbModel, placed: LimbPlace, pending: int, clearance: float
-) -> tuple[int, int]:
-    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
-    undecided, ends = EMPTY, placed.in_body.ends
-    for k in range(limb.pair_count):
-        if not has(pending, k):
-            continue
-        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
-        first, second, axis = limb.capsules[i], limb.capsules[j], axis_of(ends, limb.pairs[k, 1])
-        inner = first.radius + second.radius + clearance
-        # The joints between the two links move the second as seen from the first.
-        moves = (
-            travel(placed, first.link, second.link, axis[0]),
-            travel(placed, first.link, second.link, axis[1]),
-        )
-        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
-        if result == SELF:
-            return SELF, undecided
-        if result == UNDECIDED:
-            undecided |= only(k)
     return UNDECIDED if undecided else CLEAR, undecided
 
 

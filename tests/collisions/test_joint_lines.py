@@ -71,7 +71,9 @@ def test_axes_flange_and_base_are_those_of_forward_kinematics(name):
             turn = Rotation.from_matrix(ahead[:3, :3] @ behind[:3, :3].T).as_rotvec() / 2e-6
             move = (ahead[:3, 3] - behind[:3, 3]) / 2e-6
             np.testing.assert_allclose(placed["joints"]["axis"][j], turn, atol=1e-8)
-            radius = np.cross(placed["joints"]["axis"][j], flange[:3, 3] - placed["joints"]["point"][j])
+            radius = np.cross(
+                placed["joints"]["axis"][j], flange[:3, 3] - placed["joints"]["point"][j]
+            )
             np.testing.assert_allclose(radius, move, atol=1e-8)
             columns.append([*move, *turn])
         ours = called(invert_jacobian)(placed["joints"], Following.row())
@@ -143,7 +145,9 @@ def test_one_joint_moves_a_point_on_its_circle():
     for c, link in enumerate(SHAPES.each[1].links.tolist()):
         for e in range(2):
             p = ends_in_body(q)[c, e]
-            radius = np.linalg.norm(np.cross(placed["joints"]["axis"][1], p - placed["joints"]["point"][1]))
+            radius = np.linalg.norm(
+                np.cross(placed["joints"]["axis"][1], p - placed["joints"]["point"][1])
+            )
             bound = placed["in_body"]["motion"][c, e]
             assert bound == pytest.approx(0.01 * radius if link > 1 else 0.0, abs=1e-15)
     on_axis = tuple(placed["joints"]["point"][1] + 0.7 * placed["joints"]["axis"][1])

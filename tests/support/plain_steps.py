@@ -208,9 +208,7 @@ class PlainStep:
             for j in self.held:
                 if i != j:
                     others = branches(left[j])
-                    free = {
-                        b for b in branches(left[i]) if any(apart(i, b, j, c) for c in others)
-                    }
+                    free = {b for b in branches(left[i]) if any(apart(i, b, j, c) for c in others)}
                     left[i] = on(left[i], free)
         return left if all(left.values()) else None
 
@@ -229,5 +227,3 @@ def swing_lines(plain, limb, stances, first, last):
     lines = [(b0, b1, *line_end(starts[b0], ends[b1])) for b0, b1 in pairs]
     lines.sort(key=cmp_to_key(lambda a, b: (a[3] > b[3] + TIE) - (b[3] > a[3] + TIE)))
     return [(b0, b1, starts[b0], end) for b0, b1, end, _ in lines[:TRIES]]
-
-
