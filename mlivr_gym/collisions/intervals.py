@@ -62,7 +62,7 @@ from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.arm import NUMERIC
 from mlivr_gym.kinematics.base_path import pose_on_path
-from mlivr_gym.kinematics.following import Following
+from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.kinematics.poses import Pose, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
 
@@ -286,7 +286,9 @@ def _place_limb(
         scratch.at[i] = MOST_LIMBS + slot * STORED + number
         known = scratch.known[slot, number]
     place = scratch.placed[scratch.at[i]]
-    if known == UNKNOWN:
+    if known == PLACED and follows:
+        invert_jacobian(place.joints, scratch.proof)
+    elif known == UNKNOWN:
         known = PLACED
         if not follows:
             place_limb(limb, line, interval.middle, interval.half, EVERY, place)

@@ -220,9 +220,9 @@ def prove_follower(
 ) -> bool:
     """Bound the turns of a placed limb that follows the base over an interval.
 
-    Returned is whether it is proved that a solution follows on all of the interval.
+    Its inverse Jacobian is in `proof`. Returned is whether it is proved that a solution follows on
+    all of the interval.
     """
-    invert_jacobian(to.joints, proof)
     shift, turn = vector(move.shift), vector(move.turn)
     if not bound_changes(half, shift, turn, to.joints, proof, to.change):
         return False
