@@ -140,7 +140,6 @@ def test_lines_and_splines_stay_close_to_what_was_checked(steps):
         gap = judge.grippers(path, lines) - judge.grippers(path, splines)
         away.append(np.linalg.norm(gap[:, :, 0], axis=-1).max())
         ends = StepEnds.of(graph, motion, number)
-        edge = edges_along(graph, motion)[number]
         s = np.linspace(0.0, 1.0, 4001)
         if graph.limbs == 2:
             exact = ends.joints[0] + s[:, None, None] * (ends.joints[1] - ends.joints[0])
