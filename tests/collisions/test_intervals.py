@@ -92,9 +92,7 @@ def follower_line(rng, name):
     while True:
         q = rng.uniform(-0.9 * np.pi, 0.9 * np.pi, (2, 6))
         turn, shift = rng.uniform(-0.3, 0.3, 3), rng.uniform(-0.25, 0.25, 3)
-        ends = [
-            pose(s * shift, Rotation.from_rotvec(s * turn).as_matrix()) for s in (-0.5, 0.5)
-        ]
+        ends = [pose(s * shift, Rotation.from_rotvec(s * turn).as_matrix()) for s in (-0.5, 0.5)]
         joints = np.stack([q, q + rng.uniform(-0.3, 0.3, (2, 6))])
         flange = flange_in_body(ROBOT, 1, q[1])
         held = pose(flange[:3, 3], flange[:3, :3])
@@ -231,9 +229,7 @@ def test_a_limb_that_follows_is_lost_where_it_cannot_hold():
     for _ in range(300):
         q = rng.uniform(-0.9 * np.pi, 0.9 * np.pi, (2, 6))
         shift, turn = rng.uniform(-0.6, 0.6, 3), rng.uniform(-0.6, 0.6, 3)
-        ends = [
-            pose(s * shift, Rotation.from_rotvec(s * turn).as_matrix()) for s in (-0.5, 0.5)
-        ]
+        ends = [pose(s * shift, Rotation.from_rotvec(s * turn).as_matrix()) for s in (-0.5, 0.5)]
         flange = flange_in_body(ROBOT, 1, q[1])
         held, joints = pose(flange[:3, 3], flange[:3, :3]), np.stack([q, q])
         where, branch = followed(ends, held, joints)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import jem_map, robot_spec, stance_graph
-from mlivr_gym.motion.commitment import committed_motion, edges_along
+from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, PathSegment, control_places
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.straight_base import path_of, support_joints
