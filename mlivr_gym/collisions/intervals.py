@@ -60,9 +60,9 @@ from mlivr_gym.collisions.placement import axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.arm import NUMERIC
 from mlivr_gym.kinematics.base_path import pose_on_path
 from mlivr_gym.kinematics.following import Following
+from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.poses import Pose, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
 
@@ -317,7 +317,7 @@ def _follow(limb: LimbModel, interval: LineInterval, place: LimbPlace, scratch: 
     if not prove_follower(limb, scratch.move, half, scratch.proof, place):
         return NOT_PROVED
     # The branches of arms that are solved numerically are named at each place anew.
-    if limb.arm.family != NUMERIC and may_leave(limb, line.flips[i], place) == EMPTY:
+    if limb.arm.form.kind != NUMERIC and may_leave(limb, line.flips[i], place) == EMPTY:
         return PROVED
     for side in range(2):
         pose_on_path(line.path, interval.middle + (2 * side - 1) * half, scratch.end)

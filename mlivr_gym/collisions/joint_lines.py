@@ -26,15 +26,15 @@ from mlivr_gym.collisions.placement import Shapes, capsule_axis, out_of_link
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
 from mlivr_gym.kinematics.base_path import BasePath
-from mlivr_gym.kinematics.families import SINGULAR_TOO, link_frames, turn_flange
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window, link_frames
 from mlivr_gym.kinematics.following import (
     Following,
     JointAxesSeen,
     bound_changes,
     invert_jacobian,
 )
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose, cross, into, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -86,7 +86,7 @@ class LimbPlace(Record):
     change: Joints
     """How far each joint turns from the middle to either end [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
-    """Link frames in the limb base frame, see `families.link_frames`."""
+    """Link frames in the limb base frame, see `chain.link_frames`."""
     in_body: Shapes
     """Capsules in the body frame, with their travel as seen from the body."""
 
@@ -160,7 +160,6 @@ def travel(placed: LimbPlace, first: int, stop: int, p: Triple) -> float:
 def place_base(limb: LimbModel, placed: LimbPlace, grasp: Pose, base: Pose) -> None:
     """Compute the base in the world of a limb whose flange is at a grasp."""
     frames, mount = placed.frames, limb.mount
-    turn_flange(limb.arm, placed.q, frames)
     o = vector(mount.position)
     x, y, z = (
         minus(out_of(mount, vector(frames[FLANGE, 1])), o),

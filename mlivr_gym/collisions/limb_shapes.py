@@ -10,7 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.lengths import set_arm
+from mlivr_gym.kinematics.forms import set_chain
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
@@ -171,7 +171,7 @@ class LimbShapes:
         limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
         limb["mount"]["position"][:] = spec.mount_positions[i]
         limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-        set_arm(limb["arm"], kinematics.lengths, kinematics.windows, kinematics.family_code)
+        set_chain(limb["arm"], kinematics.steps, kinematics.signs, kinematics.windows)
         limb["gripper"] = sum(name != "gripper" for name in names)
         limb["first_on_axis"] = max(
             (c + 1 for c in range(len(moving)) if not on_axis[c]), default=0

@@ -4,7 +4,7 @@
 1985; Chiacchio 1991 as extended by the paper) in NumPy. The planner uses the
 compiled forms below, which agree with them wherever no limb is singular:
 
-    w_m = |det J| / l_c^3, det J by `families.branch_terms`
+    w_m = |det J| / l_c^3, det J by `inverse.branch_sizes`
     w_b = det(sum_i K_i^-1)^(-1/2),   K_i = (S A_i)(S A_i)^T
 
 where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c,
@@ -21,8 +21,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import FlangeAxis, JointAxes
-from mlivr_gym.kinematics.families import joint_axes
+from mlivr_gym.kinematics.chain import FlangeAxis
+from mlivr_gym.kinematics.inverse import branch_frames
 from mlivr_gym.kinematics.limb import MountedArm
 
 
@@ -68,7 +68,8 @@ def base_manipulability(
 class Inversion(Record):
     """Scratch of the inversion of a limb's Jacobian."""
 
-    axes: JointAxes
+    frames: Annotated[Array, (7, 4, 3)]
+    """Frames of the limb's links in its mount, see `chain.link_frames`."""
     matrix: Annotated[Array, (6, 12)]
     """Base twists of the joints, and beside them what becomes the inverse."""
 
@@ -82,20 +83,21 @@ def limb_information(
     The flange is given by its position and axis, `l_c` is the characteristic length [m]. Returned
     is whether the limb is away from its singularities.
     """
-    if not joint_axes(limb.arm, flange, branch, scratch.axes):
+    frames = scratch.frames
+    if not branch_frames(limb.arm, flange, branch, frames):
         return False
-    a, axes, points = scratch.matrix, scratch.axes.axis, scratch.axes.point
+    a = scratch.matrix
     mount, place = limb.mount.rotation, limb.mount.position
     for k in range(6):
         ox, oy, oz = place[0], place[1], place[2]
         for c in range(3):
-            ox += mount[0, c] * points[k, c]
-            oy += mount[1, c] * points[k, c]
-            oz += mount[2, c] * points[k, c]
+            ox += mount[0, c] * frames[k + 1, 0, c]
+            oy += mount[1, c] * frames[k + 1, 0, c]
+            oz += mount[2, c] * frames[k + 1, 0, c]
         for row in range(3):
             axis = 0.0
             for c in range(3):
-                axis += mount[row, c] * axes[k, c]
+                axis += mount[row, c] * frames[k + 1, 3, c]
             a[3 + row, k] = axis
         ax, ay, az = a[3, k], a[4, k], a[5, k]
         a[0, k] = (oy * az - oz * ay) / l_c

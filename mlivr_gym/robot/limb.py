@@ -168,6 +168,15 @@ class LimbBase(ABC):
         return float(self.joints.signs[k] * self.held_angle + self.joints.zeros[k])
 
     @property
+    def steps(self) -> Array:
+        """Frames of the six links, each in that of the link before, at angles of 0, (6, 4, 4)."""
+        steps = np.tile(np.eye(4), (6, 1, 1))
+        for step, (origin, quaternion) in zip(steps, self.link_offsets, strict=True):
+            # What quarter turns leave of a sine is a rounding error.
+            step[:3, 3], step[:3, :3] = origin, np.round(axes_of(quaternion), 15)
+        return steps
+
+    @property
     def lengths(self) -> Array:
         """Figures of the arm, see `kinematics.lengths.set_arm`, shape (n,)."""
         parts = [self.signs, self.zeros, self.form_lengths]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.file_joints import axes_of
+from mlivr_gym.kinematics.chain import frames_at
 from mlivr_gym.robot.limb import LimbBase
 
 
@@ -15,18 +15,7 @@ def link_frames(limb: LimbBase, angles: Array) -> Array:
 
     Joint angles have shape (..., 6) [rad].
     """
-    frames = np.empty((*angles.shape[:-1], 7, 4, 4))
-    frames[..., 0, :, :] = np.eye(4)
-    for k, (origin, quaternion) in enumerate(limb.link_offsets):
-        step, turns = np.zeros((*angles.shape[:-1], 4, 4)), limb.signs[k] * angles[..., k]
-        step[..., 0, 0] = step[..., 1, 1] = np.cos(turns)
-        step[..., 1, 0] = np.sin(turns)
-        step[..., 0, 1] = -step[..., 1, 0]
-        step[..., 2, 2] = step[..., 3, 3] = 1.0
-        step[..., :3, :3] = axes_of(quaternion) @ step[..., :3, :3]
-        step[..., :3, 3] = origin
-        frames[..., k + 1, :, :] = frames[..., k, :, :] @ step
-    return frames
+    return frames_at(limb.steps, limb.signs, angles)
 
 
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
