@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import (
     GraspSurface,
     compare_with_grid,
@@ -125,6 +125,8 @@ class LineScratch(Record):
     """Base at an end of it."""
     q: Joints
     """Joint angles there [rad]."""
+    frames: Annotated[Array, (7, 4, 3)]
+    """Link frames there, see `chain.link_frames`."""
     move: BaseMove
     """How it moves straight there."""
     intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
@@ -321,7 +323,7 @@ def _follow(limb: LimbModel, interval: LineInterval, place: LimbPlace, scratch: 
         return PROVED
     for side in range(2):
         pose_on_path(line.path, interval.middle + (2 * side - 1) * half, scratch.end)
-        line.flips[i] &= hold(limb, line, scratch.end, scratch.q)
+        line.flips[i] &= hold(limb, line, scratch.end, scratch.q, scratch.frames)
         if line.flips[i]:
             line.flips[i] = reached(limb, line.flips[i], place, scratch.q)
     if line.flips[i] == EMPTY:

@@ -34,8 +34,7 @@ from mlivr_gym.kinematics.following import (
     bound_changes,
     invert_jacobian,
 )
-from mlivr_gym.kinematics.inverse import SINGULAR_TOO
-from mlivr_gym.kinematics.limb import Angles, angles_at
+from mlivr_gym.kinematics.limb import Angles, posture_at
 from mlivr_gym.kinematics.poses import Pose, cross, into, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
 
@@ -137,6 +136,12 @@ def place_capsules(limb: LimbModel, capsules: int, to: LimbPlace) -> None:
 def place_axes(limb: LimbModel, to: LimbPlace) -> None:
     """Compute link frames and joint axes of a limb from its joint angles."""
     link_frames(limb.arm, to.q, to.frames)
+    _set_axes(limb, to)
+
+
+@kernel
+def _set_axes(limb: LimbModel, to: LimbPlace) -> None:
+    """Compute joint axes of a limb from the frames of its links."""
     for j in range(6):
         o = vector(to.frames[j + 1, 0])
         point = out_of(limb.mount, o)
@@ -185,23 +190,23 @@ def place_follower(
 
     That is on its branch, with `|det J|` above a floor [m^3] and the joints in their windows.
     """
-    to.flips = hold(limb, line, base, to.q)
+    to.flips = hold(limb, line, base, to.q, to.frames)
     for j in range(6):
         to.change[j] = 0.0
     if to.flips == EMPTY:
         return False
-    place_axes(limb, to)
+    _set_axes(limb, to)
     return bool(invert_jacobian(to.joints, proof) >= floor)
 
 
 @kernel
-def hold(limb: LimbModel, line: JointLine, base: Pose, q: Joints) -> int:
-    """Compute the joint angles of a limb that holds, with flip 0, on its branch.
+def hold(limb: LimbModel, line: JointLine, base: Pose, q: Joints, frames: Array) -> int:
+    """Compute joint angles and link frames of a limb that holds, with flip 0, on its branch.
 
     Returned are the flips with which all joints are in their windows.
     """
     i, window, flips = limb.index, limb.arm.window, EMPTY
-    if not angles_at(limb, base, line.held[i], line.branch[i], SINGULAR_TOO, q):
+    if not posture_at(limb, base, line.held[i], line.branch[i], q, frames):
         return EMPTY
     for j in range(6):
         q[j] = in_window(q[j], window[j, 0])

@@ -14,7 +14,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
-from mlivr_gym.kinematics.poses import along, vector
+from mlivr_gym.kinematics.poses import along, cross, vector
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -202,12 +202,9 @@ def out_of_axes(frame: Frame, v: Triple) -> Triple:
 def stepped(arm: Chain, joint: int, before: Frame) -> Frame:
     """Return the frame of a link at the angle 0, by the frame of the link before it."""
     step = arm.steps[joint]
-    x, y, z = (
-        out_of_axes(before, vector(step[1])),
-        out_of_axes(before, vector(step[2])),
-        out_of_axes(before, vector(step[3])),
-    )
-    return Frame(along(before.o, 1.0, out_of_axes(before, vector(step[0]))), x, y, z)
+    o = along(before.o, 1.0, out_of_axes(before, vector(step[0])))
+    x, z = out_of_axes(before, vector(step[1])), out_of_axes(before, vector(step[3]))
+    return Frame(o, x, cross(z, x), z)
 
 
 @kernel

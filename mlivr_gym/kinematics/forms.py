@@ -30,11 +30,13 @@ class Axes(NamedTuple):
     """A point on each [m], shape (6, 3)."""
     tip: Array
     """Flange, on the last one [m], shape (3,)."""
+    x: Array
+    """First axis of the flange, shape (3,)."""
 
     def seen_from_flange(self, flange: Array) -> Axes:
         """Return the joints in opposite order, by the frame of the flange, shape (4, 4)."""
         over = flange[:3, :3] @ np.diag([1.0, -1.0, -1.0])
-        return Axes(-self.z[::-1] @ over, (self.o[::-1] - self.tip) @ over, -self.tip @ over)
+        return Axes(-self.z[::-1] @ over, (self.o[::-1] - self.tip) @ over, -self.tip @ over, over[0])
 
     def foot(self, k: int, other: int) -> Array:
         """Return the point of an axis that is closest to another one [m]."""
@@ -65,7 +67,7 @@ class ClosedForm(NamedTuple):
     off: float
     """By how much its axes miss the form [rad, m]."""
     sign: tuple[float, ...]
-    """1, or -1 if a joint of the form turns against that of the arm; joints 1 to 5."""
+    """1, or -1 if a joint of the form turns against that of the arm; joints 1 to 6."""
     zero: tuple[float, ...]
     """Angles of the form at zero angles of the arm [rad]."""
     figures: dict[str, float]
@@ -93,8 +95,8 @@ def set_chain(arm: Chain, steps: Array, sense: Array, windows: Array) -> None:
         return
     solution, form["from_flange"] = found
     form["kind"], form["deviates"] = solution.kind, solution.off > EXACT
-    form["sign"][:], form["c_zero"][:] = solution.sign, np.cos(solution.zero)
-    form["s_zero"][:] = np.sin(solution.zero)
+    form["sign"][:], form["c_zero"][:] = solution.sign[:5], np.cos(solution.zero[:5])
+    form["s_zero"][:] = np.sin(solution.zero[:5])
     for name, figure in solution.figures.items():
         form[name] = figure
 
@@ -105,7 +107,7 @@ def closed_form(steps: Array) -> tuple[ClosedForm, bool] | None:
     Steps are the frames of its links, see `set_chain`.
     """
     frames = frames_at(steps, np.ones(6), np.zeros(6))
-    mine = Axes(frames[1:, :3, 2], frames[1:, :3, 3], frames[6, :3, 3])
+    mine = Axes(frames[1:, :3, 2], frames[1:, :3, 3], frames[6, :3, 3], frames[6, :3, 0])
     tried = (
         (_three_parallel(mine), False),
         (_spherical_wrist(mine), False),
@@ -136,12 +138,13 @@ def _three_parallel(axes: Axes) -> ClosedForm | None:
         return None
     theta = float(np.arctan2(roll @ first, -roll @ second))
     fourth = np.cos(theta) * first + np.sin(theta) * second
-    zero = (
-        float(np.arctan2(normal[0], -normal[1])), q2, q23 - q2, theta - q23,
-        float(np.arctan2(-out @ fourth, out @ normal)),
-    )  # fmt: skip
+    q5 = float(np.arctan2(-out @ fourth, out @ normal))
+    fifth = np.cos(q5) * fourth + np.sin(q5) * normal
+    q6 = float(np.arctan2(-axes.x @ roll, axes.x @ fifth))
+    q1 = float(np.arctan2(normal[0], -normal[1]))
+    zero = q1, q2, q23 - q2, theta - q23, q5, q6
     # Axes of joints 3 and 4 may point against that of joint 2.
-    sign = (1.0, 1.0, float(np.sign(z[2] @ normal)), float(np.sign(z[3] @ normal)), 1.0)
+    sign = (1.0, 1.0, float(np.sign(z[2] @ normal)), float(np.sign(z[3] @ normal)), 1.0, 1.0)
     lengths = {
         "d1": float(shoulder @ up), "a2": a2, "a3": a3, "d4": d4,
         "d5": float((wrist - bend) @ roll), "d6": float((axes.tip - wrist) @ out),
@@ -171,12 +174,15 @@ def _spherical_wrist(axes: Axes) -> ClosedForm | None:
     x2, x3 = np.cross(along, second), np.cross(roll, lean)
     q4 = float(np.arctan2(across @ x3, across @ lean))
     x4 = np.cos(q4) * x3 - np.sin(q4) * lean
+    q5 = float(np.arctan2(-out @ x4, out @ roll))
+    x5, y4 = np.cos(q5) * x4 + np.sin(q5) * roll, -across
     zero = (
         float(np.arctan2(first[1], first[0])),
         float(np.arctan2(x2 @ np.cross(second, first), x2 @ first)),
         float(np.arctan2(x3 @ along, x3 @ rolled)),
         q4,
-        float(np.arctan2(-out @ x4, out @ roll)),
+        q5,
+        float(np.arctan2(axes.x @ y4, axes.x @ x5)),
     )
     beside = 0.0 if parallel else float(arm @ rolled)
     a2, a3, d4 = float(arm @ along), float(fore @ x3), float(fore @ roll)
@@ -197,7 +203,7 @@ def _spherical_wrist(axes: Axes) -> ClosedForm | None:
         "c_lean": 1.0 if parallel else float(second @ lean),
         "s_lean": 0.0 if parallel else axes.sine(1, 2),
     }  # fmt: skip
-    return ClosedForm(SPHERICAL_WRIST, off, (1.0, 1.0, sign, 1.0, 1.0), zero, figures)
+    return ClosedForm(SPHERICAL_WRIST, off, (1.0, 1.0, sign, 1.0, 1.0, 1.0), zero, figures)
 
 
 def _unit(vector: Array) -> Array:

@@ -20,6 +20,8 @@ from mlivr_gym.kinematics.chain import (
     Bend,
     Chain,
     FlangeAxis,
+    Frame,
+    Links,
     links_at,
     set_frames,
     stepped,
@@ -60,16 +62,34 @@ def branch_angles(
     0, or `SINGULAR_TOO` if poses at a singularity count, the stretched arm among them. `q`, shape
     (6,), is filled with joint angles [rad] on no particular winding.
     """
-    there, b = _solution(arm, flange, branch, slack)
+    there, bend = _solution(arm, flange, branch, slack)
     if there:
-        fifth = links_at(arm, b).f5
-        last = stepped(arm, 5, fifth)
-        q[0], q[1], q[2] = np.arctan2(b.s1, b.c1), np.arctan2(b.s2, b.c2), np.arctan2(b.s3, b.c3)
-        q[3], q[4] = np.arctan2(b.s4, b.c4), np.arctan2(b.s5, b.c5)
-        q[5] = np.arctan2(dot(x, last.y), dot(x, last.x))
-        for joint in range(6):
-            q[joint] *= arm.sense[joint]
+        _set_angles(arm, bend, x, stepped(arm, 5, links_at(arm, bend).f5), q)
     return there
+
+
+@kernel
+def branch_posture(
+    arm: Chain, flange: FlangeAxis, x: Triple, branch: int, slack: float, q: Array, frames: Array
+) -> bool:
+    """Compute joint angles as `branch_angles` does, and the frames of the links there."""
+    there, bend = _solution(arm, flange, branch, slack)
+    if there:
+        links = links_at(arm, bend)
+        last = stepped(arm, 5, links.f5)
+        _set_angles(arm, bend, x, last, q)
+        set_frames(links, Frame(last.o, x, cross(last.z, x), last.z), frames)
+    return there
+
+
+@kernel
+def _set_angles(arm: Chain, b: Bend, x: Triple, last: Frame, q: Array) -> None:
+    """Write joint angles by the flange's first axis, and its frame where joint 6 is not turned."""
+    q[0], q[1], q[2] = np.arctan2(b.s1, b.c1), np.arctan2(b.s2, b.c2), np.arctan2(b.s3, b.c3)
+    q[3], q[4] = np.arctan2(b.s4, b.c4), np.arctan2(b.s5, b.c5)
+    q[5] = np.arctan2(dot(x, last.y), dot(x, last.x))
+    for joint in range(6):
+        q[joint] *= arm.sense[joint]
 
 
 @kernel
@@ -79,11 +99,17 @@ def branch_frames(arm: Chain, flange: FlangeAxis, branch: int, frames: Array) ->
     The flange may be turned about its axis. Returned is whether the pose is within reach and away
     from the singularities of elbow and wrist.
     """
-    there, bend = _solution(arm, flange, branch, 0.0)
+    there, links = branch_links(arm, flange, branch)
     if there:
-        links = links_at(arm, bend)
         set_frames(links, stepped(arm, 5, links.f5), frames)
     return there
+
+
+@kernel
+def branch_links(arm: Chain, flange: FlangeAxis, branch: int) -> tuple[bool, Links]:
+    """Return the frames of the links 1 to 5 on one branch; for the rest see `branch_frames`."""
+    there, bend = _solution(arm, flange, branch, 0.0)
+    return there, links_at(arm, bend)
 
 
 @kernel
