@@ -1,4 +1,7 @@
-"""Which solution serves a chain, and what it has to know, from the axes of the joints."""
+"""Which solution serves a chain, and what it has to know, from the axes of the joints.
+
+This is NumPy alone: robots are described without a compiler.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, TURN, Chain, Form, frames_at
-from mlivr_gym.kinematics.numeric_seeds import set_seeds, set_wrist
 
 THREE_PARALLEL, SPHERICAL_WRIST, NUMERIC = 0, 1, 2
 """Kinds of solutions, see the modules `three_parallel`, `spherical_wrist` and `numeric`."""
@@ -36,7 +37,8 @@ class Axes(NamedTuple):
     def seen_from_flange(self, flange: Array) -> Axes:
         """Return the joints in opposite order, by the frame of the flange, shape (4, 4)."""
         over = flange[:3, :3] @ np.diag([1.0, -1.0, -1.0])
-        return Axes(-self.z[::-1] @ over, (self.o[::-1] - self.tip) @ over, -self.tip @ over, over[0])
+        seen = (self.o[::-1] - self.tip) @ over
+        return Axes(-self.z[::-1] @ over, seen, -self.tip @ over, over[0])
 
     def foot(self, k: int, other: int) -> Array:
         """Return the point of an axis that is closest to another one [m]."""
@@ -74,37 +76,28 @@ class ClosedForm(NamedTuple):
     """Lengths [m], cosines and sines by the fields of `Form`."""
 
 
-def set_chain(arm: Chain, steps: Array, sense: Array, windows: Array) -> None:
-    """Fill in a chain.
+def frames_at(steps: Array, sense: Array, angles: Array) -> Array:
+    """Return the frames of mount and links in the mount, shape (..., 7, 4, 4).
 
-    Steps are the frames of the links, each in that of the link before, at zero angles, shape (6, 4,
-    4). Joints count about their z axes or against them, 1 or -1, shape (6,). Windows are the least
-    and largest angle of each joint [rad], at most a turn apart, shape (6, 2).
+    The steps are frames (6, 4, 4), each in the one before, the joint angles have shape (..., 6)
+    [rad].
     """
-    arm["steps"][:, 0], arm["steps"][:, 1:] = steps[:, :3, 3], steps[:, :3, :3].transpose(0, 2, 1)
-    arm["sense"][:] = sense
-    low, high = windows.T
-    arm["window"][:, 0] = low
-    arm["window"][:, 1] = np.minimum(high, low + TURN - 2.0 * LIMIT_TOLERANCE)
-    form: Form = arm["form"]
-    set_wrist(form, steps)
-    found = closed_form(steps)
-    if found is None:
-        form["kind"] = NUMERIC
-        set_seeds(form, steps, np.sort(sense[:, None] * windows, axis=1))
-        return
-    solution, form["from_flange"] = found
-    form["kind"], form["deviates"] = solution.kind, solution.off > EXACT
-    form["sign"][:], form["c_zero"][:] = solution.sign[:5], np.cos(solution.zero[:5])
-    form["s_zero"][:] = np.sin(solution.zero[:5])
-    for name, figure in solution.figures.items():
-        form[name] = figure
+    frames = np.empty((*angles.shape[:-1], 7, 4, 4))
+    frames[..., 0, :, :] = np.eye(4)
+    for k in range(6):
+        turned, turns = np.zeros((*angles.shape[:-1], 4, 4)), sense[k] * angles[..., k]
+        turned[..., 0, 0] = turned[..., 1, 1] = np.cos(turns)
+        turned[..., 1, 0] = np.sin(turns)
+        turned[..., 0, 1] = -turned[..., 1, 0]
+        turned[..., 2, 2] = turned[..., 3, 3] = 1.0
+        frames[..., k + 1, :, :] = frames[..., k, :, :] @ (steps[k] @ turned)
+    return frames
 
 
 def closed_form(steps: Array) -> tuple[ClosedForm, bool] | None:
     """Return the closed form of a chain, and whether it is that seen from its flange; or None.
 
-    Steps are the frames of its links, see `set_chain`.
+    Steps are the frames of its links, each in that of the link before, shape (6, 4, 4).
     """
     frames = frames_at(steps, np.ones(6), np.zeros(6))
     mine = Axes(frames[1:, :3, 2], frames[1:, :3, 3], frames[6, :3, 3], frames[6, :3, 0])

@@ -8,7 +8,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.kinematics.chain import SEEDS, Form, frames_at
+from mlivr_gym.kinematics.chain import SEEDS, Form
+from mlivr_gym.kinematics.forms import frames_at
 
 TRIED = 16384
 """Number of postures among which seeds are chosen."""

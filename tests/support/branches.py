@@ -6,7 +6,7 @@ import numpy as np
 from compiled import called
 
 from mlivr_gym.kinematics.chain import Chain, FlangeAxis
-from mlivr_gym.kinematics.forms import set_chain
+from mlivr_gym.kinematics.chain_record import set_chain
 from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles
 
 
@@ -24,7 +24,7 @@ def flange_axis(pose):
 def arm_of(limb):
     """The arm of a limb as compiled code reads it; all who ask for it share it."""
     out = Chain.row()
-    set_chain(out, limb.steps, limb.signs, limb.windows)
+    set_chain(out, limb.steps, limb.senses, limb.windows)
     return out
 
 
