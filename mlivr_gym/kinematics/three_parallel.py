@@ -112,8 +112,8 @@ def form_bend(form: Form, flange: FlangeAxis, branch: int, slack: float) -> tupl
     At the wrist singularity (joints 4 and 6 in line) only their sum or difference is given; the
     solution with the forearm end closest to the shoulder is taken.
     """
-    z, u2, none = flange.z, squared_u(form, flange), Bend(1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0,
-                                                          1.0, 0.0)  # fmt: skip
+    z, u2 = flange.z, squared_u(form, flange)
+    none = Bend(1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0)
     if u2 < -SINGULAR or (slack == 0.0 and u2 <= 0.0):
         return False, none
     size = np.sqrt(max(u2, 0.0))

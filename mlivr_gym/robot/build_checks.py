@@ -8,7 +8,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.link_frames import axes_of
+from mlivr_gym.robot.rigid import axes_of
 
 
 def check_build(robot: DerivedFigures) -> None:

@@ -21,11 +21,11 @@ from mlivr_gym.robot.limb import (
     Limb,
     LimbBase,
     LinkOffset,
-    LinkQuaternion,
     SixAngles,
     share_of,
 )
-from mlivr_gym.robot.link_frames import axes_of, turn_about_z
+from mlivr_gym.robot.link_frames import turn_about_z
+from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
 from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple, as_triple
 

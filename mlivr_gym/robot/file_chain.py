@@ -80,7 +80,7 @@ def chain_of(file: Description, arm: FileArm, number: int, flange: Array) -> Fil
         )
     if arm.held is not None:
         joints.insert(arm.held[1].joint, arm.held[0])
-    bodies = [int(file.model.jnt_bodyid[joint]) for joint in joints]
+    moved = [int(file.model.jnt_bodyid[joint]) for joint in joints]
     axes, anchors = file.data.xaxis[joints].copy(), file.data.xanchor[joints].copy()
     names = [file.joints[joint].name for joint in joints]
     _check_size(names, np.vstack([anchors, flange[None, :3, 3]]))
@@ -91,7 +91,7 @@ def chain_of(file: Description, arm: FileArm, number: int, flange: Array) -> Fil
             f"the flange lies {off:.3g} m off the axis of joint {names[-1]!r}; it must lie on it, "
             "choose another with tool_frame"
         )
-    base = body_frame(file.data, int(file.model.body_parentid[bodies[0]]))
+    base = body_frame(file.data, int(file.model.body_parentid[moved[0]]))
     shoulder, wrist = _foot(axes, anchors, 0, 1), _foot(axes, anchors, -1, -2)
     senses = np.ones(len(joints))
     senses[0] = _sense((shoulder - base[:3, 3]) @ axes[0], base[:3, 2] @ axes[0])
@@ -99,7 +99,7 @@ def chain_of(file: Description, arm: FileArm, number: int, flange: Array) -> Fil
     along = senses[:, None] * axes
     mount = _frame(base, along[0], anchors[0], base[:3, 3])
     frames = [mount]
-    for k, body in enumerate(bodies[:-1]):
+    for k, body in enumerate(moved[:-1]):
         place = _foot(axes, anchors, 1, 0) if k == 1 else frames[-1][:3, 3]
         place = anchors[0] if k == 0 else place
         frames.append(_frame(body_frame(file.data, body), along[k], anchors[k], place))

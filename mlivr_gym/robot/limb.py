@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import frames_at
-from mlivr_gym.robot.link_frames import axes_of
+from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
@@ -54,9 +54,6 @@ FOLDS = (
 Chosen from postures that keep clear of the body: each in turn adds most steps of the JEM over which
 a limb can fold, stay folded and unfold.
 """
-
-LinkQuaternion = tuple[float, float, float, float]
-"""A unit quaternion w, x, y, z."""
 
 LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
 """Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""

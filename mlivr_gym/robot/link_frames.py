@@ -11,7 +11,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.forms import frames_at
 
 if TYPE_CHECKING:
-    from mlivr_gym.robot.limb import LimbBase, LinkQuaternion
+    from mlivr_gym.robot.limb import LimbBase
 
 
 def link_frames(limb: LimbBase, angles: Array) -> Array:
@@ -20,18 +20,6 @@ def link_frames(limb: LimbBase, angles: Array) -> Array:
     Joint angles have shape (..., 6) [rad].
     """
     return frames_at(limb.steps, limb.senses, angles)
-
-
-def axes_of(quaternion: LinkQuaternion) -> Array:
-    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
 
 
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:

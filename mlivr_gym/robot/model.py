@@ -15,8 +15,7 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
-from mlivr_gym.robot.link_frames import axes_of
-from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.robot.rigid import RigidBody, axes_of
 from mlivr_gym.values import Triple, as_triple
 
 ROBOT, SURROUNDINGS = 1, 2

@@ -20,10 +20,10 @@ from mlivr_gym.robot.limb import (
     Length,
     LimbBase,
     LinkOffset,
-    LinkQuaternion,
     SixAngles,
     share_of,
 )
+from mlivr_gym.robot.rigid import LinkQuaternion
 from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MIN_SIZE
 
