@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import (
     GraspSurface,
     compare_with_grid,
@@ -60,9 +60,9 @@ from mlivr_gym.collisions.placement import axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.arm import NUMERIC
 from mlivr_gym.kinematics.base_path import pose_on_path
 from mlivr_gym.kinematics.following import Following, invert_jacobian
+from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.poses import Pose, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
 
@@ -125,6 +125,8 @@ class LineScratch(Record):
     """Base at an end of it."""
     q: Joints
     """Joint angles there [rad]."""
+    frames: Annotated[Array, (7, 4, 3)]
+    """Link frames there, see `chain.link_frames`."""
     move: BaseMove
     """How it moves straight there."""
     intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
@@ -319,11 +321,11 @@ def _follow(limb: LimbModel, interval: LineInterval, place: LimbPlace, scratch: 
     if not prove_follower(limb, scratch.move, half, scratch.proof, place):
         return NOT_PROVED
     # The branches of arms that are solved numerically are named at each place anew.
-    if limb.arm.family != NUMERIC and may_leave(limb, line.flips[i], place) == EMPTY:
+    if limb.arm.form.kind != NUMERIC and may_leave(limb, line.flips[i], place) == EMPTY:
         return PROVED
     for side in range(2):
         pose_on_path(line.path, interval.middle + (2 * side - 1) * half, scratch.end)
-        line.flips[i] &= hold(limb, line, scratch.end, scratch.q)
+        line.flips[i] &= hold(limb, line, scratch.end, scratch.q, scratch.frames)
         if line.flips[i]:
             line.flips[i] = reached(limb, line.flips[i], place, scratch.q)
     if line.flips[i] == EMPTY:

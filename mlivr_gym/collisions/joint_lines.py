@@ -26,16 +26,15 @@ from mlivr_gym.collisions.placement import Shapes, capsule_axis, out_of_link
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
 from mlivr_gym.kinematics.base_path import BasePath
-from mlivr_gym.kinematics.families import SINGULAR_TOO, link_frames, turn_flange
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window, link_frames
 from mlivr_gym.kinematics.following import (
     Following,
     JointAxesSeen,
     bound_changes,
     invert_jacobian,
 )
-from mlivr_gym.kinematics.limb import Angles, angles_at
+from mlivr_gym.kinematics.limb import Angles, posture_at
 from mlivr_gym.kinematics.poses import Pose, cross, into, length, minus, out_of, vector
 from mlivr_gym.robot.specification import MOST_LIMBS
 
@@ -86,7 +85,7 @@ class LimbPlace(Record):
     change: Joints
     """How far each joint turns from the middle to either end [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
-    """Link frames in the limb base frame, see `families.link_frames`."""
+    """Link frames in the limb base frame, see `chain.link_frames`."""
     in_body: Shapes
     """Capsules in the body frame, with their travel as seen from the body."""
 
@@ -137,6 +136,12 @@ def place_capsules(limb: LimbModel, capsules: int, to: LimbPlace) -> None:
 def place_axes(limb: LimbModel, to: LimbPlace) -> None:
     """Compute link frames and joint axes of a limb from its joint angles."""
     link_frames(limb.arm, to.q, to.frames)
+    _set_axes(limb, to)
+
+
+@kernel
+def _set_axes(limb: LimbModel, to: LimbPlace) -> None:
+    """Compute joint axes of a limb from the frames of its links."""
     for j in range(6):
         o = vector(to.frames[j + 1, 0])
         point = out_of(limb.mount, o)
@@ -160,7 +165,6 @@ def travel(placed: LimbPlace, first: int, stop: int, p: Triple) -> float:
 def place_base(limb: LimbModel, placed: LimbPlace, grasp: Pose, base: Pose) -> None:
     """Compute the base in the world of a limb whose flange is at a grasp."""
     frames, mount = placed.frames, limb.mount
-    turn_flange(limb.arm, placed.q, frames)
     o = vector(mount.position)
     x, y, z = (
         minus(out_of(mount, vector(frames[FLANGE, 1])), o),
@@ -186,23 +190,23 @@ def place_follower(
 
     That is on its branch, with `|det J|` above a floor [m^3] and the joints in their windows.
     """
-    to.flips = hold(limb, line, base, to.q)
+    to.flips = hold(limb, line, base, to.q, to.frames)
     for j in range(6):
         to.change[j] = 0.0
     if to.flips == EMPTY:
         return False
-    place_axes(limb, to)
+    _set_axes(limb, to)
     return bool(invert_jacobian(to.joints, proof) >= floor)
 
 
 @kernel
-def hold(limb: LimbModel, line: JointLine, base: Pose, q: Joints) -> int:
-    """Compute the joint angles of a limb that holds, with flip 0, on its branch.
+def hold(limb: LimbModel, line: JointLine, base: Pose, q: Joints, frames: Array) -> int:
+    """Compute joint angles and link frames of a limb that holds, with flip 0, on its branch.
 
     Returned are the flips with which all joints are in their windows.
     """
     i, window, flips = limb.index, limb.arm.window, EMPTY
-    if not angles_at(limb, base, line.held[i], line.branch[i], SINGULAR_TOO, q):
+    if not posture_at(limb, base, line.held[i], line.branch[i], q, frames):
         return EMPTY
     for j in range(6):
         q[j] = in_window(q[j], window[j, 0])

@@ -8,7 +8,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbModel
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.families import link_frames
+from mlivr_gym.kinematics.chain import link_frames
 from mlivr_gym.kinematics.poses import Pose, out_of
 from mlivr_gym.robot.specification import MOST_CAPSULES
 
@@ -31,7 +31,7 @@ class Placed(Record):
     q: Joints
     """Joint angles [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
-    """Link frames in the limb base frame, see `families.link_frames`."""
+    """Link frames in the limb base frame, see `chain.link_frames`."""
     in_body: Shapes
     """Its capsules in the body frame."""
     in_world: Shapes

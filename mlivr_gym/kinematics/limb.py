@@ -10,8 +10,8 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import TURN, Arm, FlangeAxis, in_window
-from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
+from mlivr_gym.kinematics.chain import TURN, Chain, FlangeAxis, in_window
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles, branch_posture
 from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class MountedArm(Record):
 
     mount: Pose
     """Limb base in the body frame."""
-    arm: Arm
+    arm: Chain
     """The arm."""
 
 
@@ -58,10 +58,19 @@ def angles_at(
 ) -> bool:
     """Compute the joint angles with which a limb on one branch holds a flange pose [rad].
 
-    Base and flange are given in the world; for `slack` see `families.branch_angles`.
+    Base and flange are given in the world; for `slack` see `inverse.branch_angles`.
     """
     seen, x = flange_seen(limb, base, flange)
     return branch_angles(limb.arm, seen, x, branch, slack, q)
+
+
+@kernel
+def posture_at(
+    limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Joints, frames: Array
+) -> bool:
+    """Compute joint angles as `angles_at` does, if singular too, and the frames of the links."""
+    seen, x = flange_seen(limb, base, flange)
+    return branch_posture(limb.arm, seen, x, branch, SINGULAR_TOO, q, frames)
 
 
 @entry

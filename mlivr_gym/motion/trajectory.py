@@ -17,7 +17,7 @@ import scipy
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
 from mlivr_gym.motion.joint_path import PHASES, JointPath, quaternions
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.timed_configurations import TimedConfigurations

@@ -199,8 +199,8 @@ class PostureScratch(Record):
     """The same base pose in the world."""
     other: Posture
     """Another posture of the stance."""
-    terms: Annotated[Array, (4, 4)]
-    """Terms of the inverse kinematics of each class of branches."""
+    sizes: Annotated[Array, (4,)]
+    """`|det J|` of each class of branches [m^3]."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
     sums: Annotated[Array, (MOST_LIMBS, 2, 6, 6)]

@@ -123,7 +123,7 @@ class DerivedFigures:
 
         What is below a nanometre counts as 0: rounding must not choose a direction.
         """
-        lengths = np.array([limb.form_lengths[0] for limb in self.every_limb])
+        lengths = np.array([limb.shoulder_height for limb in self.every_limb])
         shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
         across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
         return np.where(np.abs(across) < MIN_SIZE, 0.0, across)

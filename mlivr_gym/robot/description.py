@@ -20,7 +20,7 @@ import numpy as np
 
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import LARGEST_FILE
-from mlivr_gym.robot.file_joints import FARTHEST_TURN
+from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.visuals import BodyMesh, mesh_file, mjcf_meshes, placed_meshes, urdf_meshes
 
 SPEED_LIMITS = "speed_limits"

@@ -21,7 +21,7 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
-from mlivr_gym.robot.exported_arm import LIMBS
+from mlivr_gym.robot.file_chain import LIMBS
 from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
 from mlivr_gym.robot.mounts import without_none
 from mlivr_gym.values import as_triple

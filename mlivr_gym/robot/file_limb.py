@@ -1,8 +1,8 @@
-"""One limb of a URDF or MJCF file in the terms of its family."""
+"""One limb of a URDF or MJCF file."""
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,17 +11,17 @@ import numpy as np
 from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.forms import closed_form
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import JOINTS, FileArm, limb_in_family
+from mlivr_gym.robot.description import LEAST_MASS, ROTORS, Description
+from mlivr_gym.robot.file_arms import FileArm
+from mlivr_gym.robot.file_chain import figures_of_limb
 from mlivr_gym.robot.file_parts import LimbParts, joined
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.joint_chain import DECIMALS, with_exact_frames
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
-from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
@@ -35,6 +35,9 @@ ROTOR_INERTIA = 0.1
 
 GRIPPER_MASS = 0.5
 """Mass of the gripper that is added to an arm without one [kg]."""
+
+DECIMALS = 9
+"""Lengths are rounded to nanometres."""
 
 LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
 """Validator of a length [m] that may be None."""
@@ -145,8 +148,8 @@ class FileLimb:
     def _figures(self) -> tuple[Any, ...]:
         """What limbs that are like each other have in common, in nested tuples."""
         limb, shapes = self.limb, tuple(map(astuple, self.capsules))
-        held = limb.family_code, limb.held_joint, limb.held_angle
-        lengths = *limb.lengths.tolist(), *limb.limits.ravel().tolist()
+        held = limb.held_joint, limb.held_angle, *limb.senses.tolist()
+        lengths = *limb.steps.ravel().tolist(), *limb.limits.ravel().tolist()
         return (*held, lengths, shapes, astuple(self.dynamics), self.gripper_mass)
 
 
@@ -158,22 +161,18 @@ def limb_of(
     The frame of the robot's body in the world has shape (4, 4). Raises a `RobotError` if a figure
     is missing.
     """
-    arm, found, notes = members.arm, members.found, []
-    limb, shift = limb_in_family(file, arm, found), round(members.tool_length - length, DECIMALS)
-    base = found.mount
+    arm, notes = members.arm, list[str]()
+    limb, base = members.chain.limb, members.chain.mount
+    shift = round(members.tool_length - length, DECIMALS)
     if limb.base_in_mount is not None:
         base = base @ rigid(*limb.base_in_mount)
-    if not isinstance(limb, NumericLimb):
-        limb = with_exact_frames(limb, base, members.chain.moving)
-    if file.is_exported:
-        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, members.number))
     if shift:
         limb = limb.with_flange_moved(shift)
-    frames = base @ link_frames(limb, np.zeros(JOINTS))
+    frames = base @ limb.frames_at_zero
     if arm.held is not None:
         joint, held = arm.held
         notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
-    if isinstance(limb, NumericLimb):
+    if closed_form(limb.steps) is None:
         notes.append("of no closed form, solved numerically")
     masses = [joined(file, part, frame) for _, part, frame in members.on(frames)]
     if members.gripper:
@@ -185,7 +184,7 @@ def limb_of(
     if options.rotor_inertia is not None:
         rotors = (options.rotor_inertia,) * len(rotors)
     elif ROTORS in file.fields:
-        rotors = _of_limb(file, ROTORS, members.number)
+        rotors = figures_of_limb(file, ROTORS, members.number)
     elif None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
     known_rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
@@ -195,25 +194,17 @@ def limb_of(
         capsules, excess = fitted_capsules(file, members, frames, length)
         if not members.gripper:
             capsules = (*capsules, gripper_capsule(length, shift))
-        apart = links_apart(file, members, frames, limb)
+        apart = links_apart(file, members, base, limb)
     elif isinstance(options.capsules, str):
         capsules, excess = stretched_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
     return FileLimb(
-        limb, tuple(file.joints[joint].name for joint in arm.joints), inverse(body) @ found.mount,
-        capsules, excess, dynamics, length, gripper_mass, apart,
-        limb_visuals(file, members, frames), tuple(notes),
+        limb, tuple(file.joints[joint].name for joint in arm.joints),
+        inverse(body) @ members.chain.mount, capsules, excess, dynamics, length, gripper_mass,
+        apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
-
-
-def _of_limb(file: Description, name: str, number: int) -> Any:
-    """Return figures of one limb that a file of this package names."""
-    listed = file.fields[name]
-    if not isinstance(listed, list) or len(listed) <= number:
-        raise RobotError(f"{name} of the file must be a list of six numbers for each limb")
-    return listed[number]
 
 
 def _dynamics(

@@ -17,8 +17,8 @@ from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
-from mlivr_gym.robot.exported_arm import LIMBS
 from mlivr_gym.robot.file_arms import arms_of, body_frame, body_name, with_held_joints
+from mlivr_gym.robot.file_chain import LIMBS
 from mlivr_gym.robot.file_limb import FILE_OPTIONS, FileLimb, FileOptions, limb_of
 from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts
 from mlivr_gym.robot.file_shapes import box_round, solids
@@ -135,7 +135,7 @@ def _stand_off(limb: FileLimb) -> float:
         ends = [float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end)]
         if capsule.link == "upper_arm" and min(ends) < capsule.radius:
             away = max(ends) if max(ends) < capsule.radius else -min(ends)
-            lows.append(away + capsule.radius + UPPER_ARM_GAP - limb.limb.d1)
+            lows.append(away + capsule.radius + UPPER_ARM_GAP - limb.limb.shoulder_height)
     return round(max(lows), 3)
 
 
@@ -154,7 +154,7 @@ def _body_of(
     members = body_parts(file, tuple(limb.arm for limb in limbs))
     name = body_name(file.model, members[0])
     root = body_frame(file.data, members[0])
-    even = _even_frame(np.array([limb.found.mount for limb in limbs]), root[:3, :3])
+    even = _even_frame(np.array([limb.chain.mount for limb in limbs]), root[:3, :3])
     frame = root if even is None else even[0]
     shapes = solids(file, members, frame)
     if not shapes and size is None:
@@ -217,9 +217,9 @@ def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ..
 
 def _upright(limb: LimbParts, body: Array) -> LimbParts:
     """Return a limb whose base has its x axis along the z axis of the body, by its frame (4, 4)."""
-    x, y, *_ = (inverse(body) @ limb.found.mount)[2]
+    x, y, *_ = (inverse(body) @ limb.chain.mount)[2]
     angle = float(np.arctan2(y, x))
-    return limb if abs(angle) < EVEN else limb._replace(found=limb.found.turned(angle))
+    return limb if abs(angle) < EVEN else limb._replace(chain=limb.chain.turned(angle))
 
 
 def _mount(limb: FileLimb, alike: bool) -> Mount:

@@ -15,22 +15,16 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.file_joints import (
-    FARTHEST_TURN,
-    FileJoints,
-    GivenJoints,
-    LinkQuaternion,
-    axes_of,
-    rolled,
-)
+from mlivr_gym.kinematics.forms import frames_at
+from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
 from mlivr_gym.schema import FieldPath, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 FAMILIES = ("ur", "spherical_wrist")
-"""Families of limbs by the names in robot files, in the order of their numbers in `kinematics.arm`.
+"""Families of limbs that are told by lengths, by their names in robot files."""
 
-They are not imported from there, since robots are described without a compiler.
-"""
+FARTHEST_TURN = 100.0
+"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
 
 JOINT_LIMITS = (
     *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
@@ -63,10 +57,6 @@ a limb can fold, stay folded and unfold.
 
 LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
 """Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
-
-AnchorPlace = tuple[int, tuple[float, float, float]]
-"""An anchor, 0 limb base, 1 elbow, 2 forearm end, 3 wrist point, and where it lies on a link [m].
-"""
 
 Length = Annotated[float, Tuples((), most=MAX_ROBOT_LENGTH, unit="m")]
 """A length of a robot that may be negative, as in the DH convention [m]."""
@@ -104,89 +94,45 @@ class LimbBase(ABC):
     window_starts: tuple[float, ...]
     held_joint: int | None = None
     held_angle: float = 0.0
-    joints: FileJoints | None = None
 
     @property
     @abstractmethod
-    def family_code(self) -> int:
-        """Number of the family, see `kinematics.arm`."""
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
 
     @property
     @abstractmethod
-    def form_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 of the form at which a free limb may stay folded [rad]."""
-
-    @property
-    @abstractmethod
-    def form_lengths(self) -> Array:
-        """Lengths of the family [m]."""
-
-    @property
-    @abstractmethod
-    def form_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links, each in that of the link before it, where the form is at 0."""
-
-    @property
     def link_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links, each in that of the link before it, at joint angles of 0.
 
-        Joints turn about the z axes, in the sense of `signs`; the last frame is the flange's.
+        Joints turn about the z axes, in the sense of `senses`; the last frame is the flange's.
         """
-        if self.joints is not None and self.joints.origins is not None:
-            return tuple(zip(self.joints.origins, self.joints.quaternions or (), strict=True))
-        return tuple(
-            (origin, rolled(quaternion, zero)) if zero else (origin, quaternion)
-            for (origin, quaternion), zero in zip(
-                self.form_offsets, self.zeros.tolist(), strict=True
-            )
-        )
 
     @property
-    def signs(self) -> Array:
-        """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1.
-
-        An angle of the form is `sign * angle + zero`.
-        """
-        if self.joints is None:
-            return np.ones(6)
-        return self.moving_angles(np.array(self.joints.signs, dtype=np.float64))
+    def senses(self) -> Array:
+        """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1."""
+        return np.ones(6)
 
     @property
-    def zeros(self) -> Array:
-        """Angles of the form of the joints that move where their own are 0 [rad], shape (6,)."""
-        if self.joints is None:
-            return self.joint_shifts
-        zeros: Array = self.moving_angles(np.array(self.joints.zeros)) + self.joint_shifts
-        return zeros
+    def steps(self) -> Array:
+        """Frames of the six links, each in that of the link before, at angles of 0, (6, 4, 4)."""
+        steps = np.tile(np.eye(4), (6, 1, 1))
+        for step, (origin, quaternion) in zip(steps, self.link_offsets, strict=True):
+            # What quarter turns leave of a sine is a rounding error.
+            step[:3, 3], step[:3, :3] = origin, np.round(axes_of(quaternion), 15)
+        return steps
 
     @property
-    def form_held_angle(self) -> float:
-        """Angle of the form at which the held joint is held [rad]."""
-        if self.joints is None or self.held_joint is None:
-            return self.held_angle
-        k = self.held_joint - 1
-        return float(self.joints.signs[k] * self.held_angle + self.joints.zeros[k])
+    def frames_at_zero(self) -> Array:
+        """Frames of base and links in the base at joint angles of 0, shape (7, 4, 4)."""
+        return frames_at(self.steps, self.senses, np.zeros(6))
 
     @property
-    def lengths(self) -> Array:
-        """Figures of the arm, see `kinematics.lengths.set_arm`, shape (n,)."""
-        parts = [self.signs, self.zeros, self.form_lengths]
-        if self.joints is not None and self.joints.origins is not None:
-            turns = -self.zeros
-            for (origin, quaternion), turn in zip(self.link_offsets, turns.tolist(), strict=True):
-                parts.append(np.array([origin, *axes_of(rolled(quaternion, turn)).T]).ravel())
-        return np.concatenate(parts)
-
-    @property
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-        folds = (np.array(self.form_folds) - self.zeros[:5]) * self.signs[:5]
-        return tuple(map(tuple, folds.tolist()))
-
-    @property
-    @abstractmethod
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
+        base = 0.0 if self.base_in_mount is None else float(np.linalg.norm(self.base_in_mount[1]))
+        sizes = np.linalg.norm(self.steps[:, :3, 3], axis=1)
+        return (base, *(base + np.cumsum(sizes)).tolist())
 
     @property
     def reach(self) -> float:
@@ -194,12 +140,15 @@ class LimbBase(ABC):
         return self.link_distances[-1]
 
     @property
-    def side_offsets(self) -> tuple[float, float] | None:
-        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
-
-        By these the links keep clear of each other; None if nothing keeps them clear.
-        """
-        return None
+    def shoulder_height(self) -> float:
+        """Height of the shoulder over the base, where axis 2 comes closest to axis 1 [m]."""
+        first, second = self.frames_at_zero[1:3]
+        across = np.cross(second[:3, 2], np.cross(first[:3, 2], second[:3, 2]))
+        share = float(first[:3, 2] @ across)
+        if share < MIN_SIZE:
+            return float(second[2, 3])
+        apart = second[:3, 3] - first[:3, 3]
+        return float(first[2, 3] + (apart @ across) / share)
 
     @property
     def limits(self) -> Array:
@@ -221,11 +170,6 @@ class LimbBase(ABC):
     def base_in_mount(self) -> tuple[Array, Array] | None:
         """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
         return None
-
-    @property
-    def joint_shifts(self) -> Array:
-        """Angles of the form where those of the arm of the family are 0 [rad], shape (6,)."""
-        return np.zeros(6)
 
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
@@ -259,8 +203,6 @@ class LimbBase(ABC):
             if not (low < high or (low == high and joint + 1 == self.held_joint)):
                 limits = place.field("joint_limits").entry(joint)
                 raise limits.fault(f"is {[low, high]}; the lower limit must come first")
-        if self.joints is not None:
-            self.joints.check(place.field("joints"), joints)
         if self.held_joint is None:
             return
         low, high = self.joint_limits[self.held_joint - 1]
@@ -286,8 +228,7 @@ class LimbBase(ABC):
     def with_flange_moved(self, shift: float) -> Any:
         """Return the limb with its flange farther out on the last axis [m]."""
         limb: Any = self
-        joints = None if self.joints is None else self.joints.with_flange_moved(shift)
-        return replace(limb, d6=limb.d6 + shift, joints=joints)
+        return replace(limb, d6=limb.d6 + shift)
 
     def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
         """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
@@ -306,7 +247,7 @@ class Limb(LimbBase):
 
     Examples
     --------
-    >>> Limb().form_lengths.tolist()
+    >>> Limb().lengths.tolist()
     [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     """
 
@@ -320,9 +261,7 @@ class Limb(LimbBase):
     """Lower and upper limit of each joint [rad]."""
     window_starts: SixAngles = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
-    joints: GivenJoints = None
-    """The joints of the file that the limb is read from; None for those of the form."""
-    family_code, form_folds = FAMILIES.index("ur"), FOLDS
+    default_folds = FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
@@ -338,14 +277,9 @@ class Limb(LimbBase):
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
 
     @property
-    def form_lengths(self) -> Array:
+    def lengths(self) -> Array:
         """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
         return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
-
-    @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return float(np.abs(self.form_lengths).sum())
 
     @property
     def arm_length(self) -> float:
@@ -353,37 +287,13 @@ class Limb(LimbBase):
         return abs(self.a2) + abs(self.a3)
 
     @property
-    def form_offsets(self) -> tuple[LinkOffset, ...]:
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links."""
         return (
             ((0.0, 0.0, self.d1), STRAIGHT), ((0.0, 0.0, 0.0), FORTH),
             ((self.a2, 0.0, 0.0), STRAIGHT), ((self.a3, 0.0, self.d4), STRAIGHT),
             ((0.0, -self.d5, 0.0), FORTH), ((0.0, self.d6, 0.0), BACK),
         )  # fmt: skip
-
-    @property
-    def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
-        d1, a2, a3, d4, d5, d6 = np.abs(self.form_lengths).tolist()
-        return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
-
-    @property
-    def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
-        """Anchors from which the motion of points of each link, 1 to 6, can be bounded."""
-        here = (0.0, 0.0, 0.0)
-        return {
-            1: ((0, here),),
-            2: ((0, here), (1, (self.a2, 0.0, 0.0))),
-            3: ((1, here), (2, (self.a3, 0.0, 0.0))),
-            4: ((2, (0.0, 0.0, -self.d4)), (3, (0.0, -self.d5, 0.0))),
-            5: ((3, here),),
-            6: ((3, (0.0, 0.0, -self.d6)),),
-        }
-
-    @property
-    def side_offsets(self) -> tuple[float, float]:
-        """Offsets d4 of the wrist point from the forearm and d5 of the flange axis from wrist 1."""
-        return self.d4, self.d5
 
 
 LIMB = Struct.of(Limb)

@@ -14,9 +14,8 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.file_joints import axes_of
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
-from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.robot.rigid import RigidBody, axes_of
 from mlivr_gym.values import Triple, as_triple
 
 ROBOT, SURROUNDINGS = 1, 2
@@ -122,7 +121,7 @@ def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterato
         centre = as_triple(np.array(dynamics.centres[k]))
         joint = RobotJoint(
             robot.named_joints[i][k], tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
-            dynamics.speed_limits[k], dynamics.rotor_inertias[k], float(limb.signs[k]),
+            dynamics.speed_limits[k], dynamics.rotor_inertias[k], float(limb.senses[k]),
         )  # fmt: skip
         name = f"limb{i}/{LINKS[k + 1]}"
         yield RobotLink(

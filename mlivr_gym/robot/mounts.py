@@ -64,7 +64,7 @@ MOUNT = Struct.of(Mount)
 """Fields of a `Mount`."""
 
 
-SPARSE = ("visuals", "cargo", "joints", "joint_names")
+SPARSE = ("visuals", "cargo", "joint_names")
 """Fields of robots, and of their parts, that plain data name only where there are any."""
 
 

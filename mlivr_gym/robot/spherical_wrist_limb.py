@@ -10,13 +10,12 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.file_joints import FARTHEST_TURN, GivenJoints
 from mlivr_gym.robot.limb import (
     BACK,
     FAMILIES,
+    FARTHEST_TURN,
     FORTH,
     STRAIGHT,
-    AnchorPlace,
     Angle,
     Length,
     LimbBase,
@@ -24,6 +23,7 @@ from mlivr_gym.robot.limb import (
     SixAngles,
     share_of,
 )
+from mlivr_gym.robot.rigid import LinkQuaternion
 from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MIN_SIZE
 
@@ -132,8 +132,6 @@ class SphericalWristLimb(LimbBase):
     """Offset of the arm along the elbow axis [m]; 0 of an arm of six joints."""
     a6: Length = 0.0
     """Distance of axis 7 from axis 6 [m]; 0 unless joint 6 is held."""
-    joints: GivenJoints = None
-    """The joints of the file that the limb is read from; None for those of the form."""
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -158,7 +156,7 @@ class SphericalWristLimb(LimbBase):
                 if self.held_joint is not None:
                     of = f"where joint {self.held_joint} is held"
                 raise place.field(name).fault(f"is {getattr(self, name):g}; it must be 0 {of}")
-        if self.held_joint in (2, 6) and abs(np.sin(self.form_held_angle)) < MIN_SIZE:
+        if self.held_joint in (2, 6) and abs(np.sin(self.held_angle)) < MIN_SIZE:
             raise place.field("held_angle").fault(
                 f"is {self.held_angle:g} rad; with joint {self.held_joint} held there joints "
                 f"{self.held_joint - 1} and {self.held_joint + 1} are in line"
@@ -172,7 +170,7 @@ class SphericalWristLimb(LimbBase):
         return replace(
             self, d1=self.d6, a1=-self.a6, a2=self.d4, b2=-self.a3, a3=-self.b2, d4=self.a2,
             d6=self.d1, a6=0.0, held_joint=8 - self.held_joint,
-            held_angle=self.form_held_angle, joints=None,
+            held_angle=self.held_angle,
             joint_limits=((-FARTHEST_TURN, FARTHEST_TURN),) * 7,
         )  # fmt: skip
 
@@ -188,7 +186,7 @@ class SphericalWristLimb(LimbBase):
             form = opposite.form_lengths
             form[[0, 7]] = form[[7, 0]]
             return form
-        d1, twist, held, angle = self.d1, QUARTER, QUARTER, self.form_held_angle
+        d1, twist, held, angle = self.d1, QUARTER, QUARTER, self.held_angle
         if self.held_joint == 1:
             arm = (self.d2, 0.0, self.d3, self.b2, -self.a2)
         elif self.held_joint == 2:
@@ -212,14 +210,9 @@ class SphericalWristLimb(LimbBase):
         """
         if self.held_joint != 1:
             return None
-        c, s = np.cos(self.form_held_angle), np.sin(self.form_held_angle)
+        c, s = np.cos(self.held_angle), np.sin(self.held_angle)
         axes = np.array([[-c, 0.0, s], [-s, 0.0, -c], [0.0, -1.0, 0.0]])
         return axes, np.array([0.0, 0.0, self.d1])
-
-    @property
-    def joint_shifts(self) -> Array:
-        """Angles of the form where those of the arm of the family are 0 [rad], `SHIFTS`."""
-        return np.array(SHIFTS[self.held_joint])
 
     @property
     def arm_length(self) -> float:
@@ -227,19 +220,23 @@ class SphericalWristLimb(LimbBase):
         return float(np.hypot(self.a2, self.b2) + np.hypot(self.a3, self.d4))
 
     @property
-    def family_code(self) -> int:
-        """Number of the family, see `kinematics.arm`."""
-        return FAMILIES.index(self.family) + (self.held_joint in (5, 6))
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 that move at which a free limb may stay folded [rad]."""
+        folds = np.delete(np.array(FOLDS), (self.held_joint or HELD_JOINT) - 1, axis=1)
+        return tuple(map(tuple, folds[:, :5].tolist()))
 
     @property
-    def form_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 of the form at which a free limb may stay folded [rad]."""
-        folds = np.delete(np.array(FOLDS), (self.held_joint or HELD_JOINT) - 1, axis=1)
-        return tuple(map(tuple, (folds + self.joint_shifts)[:, :5].tolist()))
+    def link_offsets(self) -> tuple[LinkOffset, ...]:
+        """Frames of the six links."""
+        shifts = SHIFTS[self.held_joint]
+        return tuple(
+            (origin, _rolled(quaternion, shift)) if shift else (origin, quaternion)
+            for (origin, quaternion), shift in zip(self.form_offsets, shifts, strict=True)
+        )
 
     @property
     def form_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links."""
+        """Frames of the six links, where the closed form of those that move has its zeros."""
         d1, a1, d2, a2, b2, a3, d4, d6, twist, held = self.form_lengths.tolist()
         c, s = (float(np.cos(0.5 * twist)), float(np.sin(0.5 * twist)))
         lean, back = ((c, s, 0.0, 0.0), (c, -s, 0.0, 0.0)) if twist != QUARTER else (FORTH, BACK)
@@ -258,34 +255,6 @@ class SphericalWristLimb(LimbBase):
             first, ((a1, 0.0, 0.0), lean), (elbow, rolled), ((a3, d4, 0.0), BACK), (here, FORTH),
             ((0.0, d6, 0.0), BACK),
         )  # fmt: skip
-
-    @property
-    def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
-        base = abs(self.d1) if self.held_joint == 1 else 0.0
-        steps = [float(np.linalg.norm(place)) for place, _ in self.form_offsets]
-        return (base, *(base + np.cumsum(steps)).tolist())
-
-    @property
-    def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
-        """Anchors from which the motion of points of each link, 1 to 6, can be bounded.
-
-        If joint 5 or 6 is held these are the shoulder, the elbow on links 3 (anchor 1) and 4 (2),
-        and where axes 5 and 6 meet.
-        """
-        here, places = (0.0, 0.0, 0.0), [place for place, _ in self.form_offsets]
-        tip: tuple[AnchorPlace, ...] = ((3, (0.0, 0.0, -float(self.form_lengths[7]))),)
-        if self.seen_from_flange is not None:
-            upper, fore = ((0, here), (1, places[3])), ((2, here), (3, places[4]))
-            return {1: ((0, here),), 2: ((0, here),), 3: upper, 4: fore, 5: ((3, here),), 6: tip}
-        return {
-            1: ((0, here),),
-            2: ((0, here), (1, places[2])),
-            3: ((1, here), (3, places[3])),
-            4: ((3, here),),
-            5: ((3, here),),
-            6: tip,
-        }
 
     @property
     def link_capsules(self) -> tuple[Capsule, ...]:
@@ -325,6 +294,13 @@ class SphericalWristLimb(LimbBase):
             Capsule("wrist_2", here, (0.0, 0.25 * d6 or 0.1 * radius, 0.0), radius),
             tip,
         )
+
+
+def _rolled(quaternion: LinkQuaternion, angle: float) -> LinkQuaternion:
+    """Return a quaternion turned about its own z axis [rad]."""
+    w, x, y, z = quaternion
+    c, s = float(np.cos(0.5 * angle)), float(np.sin(0.5 * angle))
+    return w * c - z * s, x * c + y * s, y * c - x * s, w * s + z * c
 
 
 SPHERICAL_WRIST_LIMB = Struct.of(SphericalWristLimb)

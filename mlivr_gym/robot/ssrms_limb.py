@@ -10,8 +10,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.file_joints import FARTHEST_TURN
-from mlivr_gym.robot.limb import Angle, Length, Limb, SixAngles
+from mlivr_gym.robot.limb import FARTHEST_TURN, Angle, Length, Limb, SixAngles
 from mlivr_gym.schema import Choice, FieldPath, Integer, Struct, Tuples
 
 SSRMS = "ssrms"
@@ -91,7 +90,7 @@ class SsrmsLimb(Limb):
     """1."""
     held_angle: Angle = 0.0
     """Angle at which it is held [rad]; at 0 the axis of joint 2 is the x axis of the mount."""
-    form_folds = FOLDS
+    default_folds = FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths, limits and the held joint."""
@@ -106,20 +105,10 @@ class SsrmsLimb(Limb):
 
         Its z axis is that of joint 2, its x axis that of joint 1.
         """
-        held = self.form_held_angle
+        held = self.held_angle
         c, s = (np.cos(held), np.sin(held)) if held else (1.0, 0.0)
         axes = np.array([[0.0, s, c], [0.0, -c, s], [1.0, 0.0, 0.0]])
         return axes, np.array([0.0, 0.0, self.d0])
-
-    @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return abs(self.d0) + super().reach
-
-    @property
-    def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
-        return tuple(abs(self.d0) + distance for distance in super().link_distances)
 
     @property
     def link_capsules(self) -> tuple[Capsule, ...]:

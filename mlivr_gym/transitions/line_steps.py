@@ -32,10 +32,10 @@ from mlivr_gym.compiled.bit_sets import (
     with_code,
 )
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
-from mlivr_gym.kinematics.families import SINGULAR_TOO
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window
 from mlivr_gym.kinematics.following import invert_jacobian
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.transitions.grasp_poses import folded, line_end

@@ -35,8 +35,8 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose, vector
 from mlivr_gym.transitions.departures import set_departure

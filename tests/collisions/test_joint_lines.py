@@ -31,11 +31,11 @@ ARMS = {"ur5e": ROBOT.every_limb[0], "iiwa": LIMBS["iiwa"], "franka": LIMBS["fra
 
 def with_arm(name):
     """The record of a limb of the robot with another arm, and that arm."""
-    from mlivr_gym.kinematics.lengths import set_arm
+    from mlivr_gym.kinematics.chain_record import set_chain
 
     arm, rows = ARMS[name], SHAPES.rows.copy()
     limb = rows[0]["limbs"][1]
-    set_arm(limb["arm"], arm.lengths, arm.windows, arm.family_code)
+    set_chain(limb["arm"], arm.steps, arm.senses, arm.windows)
     return limb, arm
 
 

@@ -10,8 +10,10 @@ from numeric_arms import LIMBS, MODELS
 from oracle import flange, volume
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics.arm import JointAxes
-from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes
+from mlivr_gym.kinematics.chain import Chain
+from mlivr_gym.kinematics.forms import NUMERIC
+from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
+from mlivr_gym.kinematics.numeric_seeds import set_seeds
 from mlivr_gym.robot.link_frames import link_frames
 
 each_arm = pytest.mark.parametrize("name", LIMBS)
@@ -65,9 +67,19 @@ def test_the_postures_of_random_poses_are_found_but_for_those_of_one_name(name):
     assert solutions(arm, pose[:3, 3], pose[:3, :3])[0] == 0
 
 
+def solved_numerically(limb):
+    """The chain of a limb that has a closed form as one that has none."""
+    rows = Chain.rows(1)
+    rows[0] = arm_of(limb)
+    out = rows[0]
+    out["form"]["kind"] = NUMERIC
+    set_seeds(out["form"], limb.steps, limb.windows)
+    return out
+
+
 def test_solutions_are_those_of_the_closed_form():
     """All branches of a UR5e, each with a name of its own, but for one in a thousand."""
-    numeric, closed, missed, count = arm_of(LIMBS["ur5e"]), arm_of(Limb()), 0, 0
+    numeric, closed, missed, count = solved_numerically(LIMBS["ur5e"]), arm_of(Limb()), 0, 0
     for _, pose in random_poses("ur5e", 200):
         _, mine = solutions(numeric, pose[:3, 3], pose[:3, :3])
         _, theirs = solutions(closed, pose[:3, 3], pose[:3, :3], 0.0)
@@ -79,25 +91,25 @@ def test_solutions_are_those_of_the_closed_form():
 
 
 @each_arm
-def test_terms_and_axes_are_those_of_the_jacobian(name):
-    arm, terms, axes = arm_of(LIMBS[name]), np.empty((4, 4)), JointAxes.row()
+def test_sizes_and_axes_are_those_of_the_jacobian(name):
+    arm, every = arm_of(LIMBS[name]), np.empty(4)
     for _, pose in random_poses(name, 40):
         mask, out = solutions(arm, pose[:3, 3], pose[:3, :3])
-        called(branch_terms)(arm, flange_axis(pose), terms)
+        called(branch_sizes)(arm, flange_axis(pose), every)
         sizes = {}
         for b in range(8):
             frames = np.empty((7, 4, 3))
-            there = called(branch_frames)(arm, flange_axis(pose), b, JointAxes.row(), frames)
+            there = called(branch_frames)(arm, flange_axis(pose), b, frames)
             assert there == bool(mask >> b & 1)
             if not there:
                 continue
             _, jacobian = flange(MODELS[name], out[b])
             sizes.setdefault(b >> 1, []).append(volume(jacobian))
-            assert called(joint_axes)(arm, flange_axis(pose), b, axes)
-            moments = np.cross(axes["axis"], pose[:3, 3] - axes["point"])
-            np.testing.assert_allclose(np.vstack([moments.T, axes["axis"].T]), jacobian, atol=1e-7)
+            moments = np.cross(frames[1:, 3], pose[:3, 3] - frames[1:, 0])
+            built = np.vstack([moments.T, frames[1:, 3].T])
+            np.testing.assert_allclose(built, jacobian, atol=1e-7)
             here = frames_at(arm, np.array([*out[b][:5], 0.0]))
             np.testing.assert_allclose(frames[:, [0, 3]], here[:, [0, 3]], atol=1e-9)
         for c in range(4):
-            least = min(sizes[c]) ** 2 if c in sizes else -1.0
-            assert terms[c, 3] == pytest.approx(least, rel=1e-6, abs=1e-12)
+            least = min(sizes[c]) if c in sizes else 0.0
+            assert every[c] == pytest.approx(least, rel=1e-6, abs=1e-12)

@@ -32,7 +32,7 @@ def test_mounts_are_radial_at_equal_angles(limbs):
 
 def test_default_figures_are_the_published_ones():
     limb = robot_spec("mlivr2").limb
-    assert limb.form_lengths.tolist() == [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
+    assert limb.lengths.tolist() == [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
     # Shoulder centres of the published two-limb model lie 0.263 m from the middle.
     assert robot_spec("mlivr2").mount_radius + limb.d1 == pytest.approx(0.2625)
 

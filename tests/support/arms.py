@@ -9,8 +9,7 @@ import wrist_arms
 from compiled import called
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics import families
-from mlivr_gym.kinematics.arm import UR
+from mlivr_gym.kinematics import chain
 
 ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 """The arm of a space station is of the form of the UR arms once its first joint is locked."""
@@ -19,13 +18,13 @@ ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 @cache
 def known(limb):
     """Pinocchio's model of an arm."""
-    made = oracle.pinocchio_arm if limb.family_code == UR else wrist_arms.pinocchio_wrist_arm
+    made = oracle.pinocchio_arm if isinstance(limb, Limb) else wrist_arms.pinocchio_wrist_arm
     return made(limb)
 
 
 def truth(limb, q):
     """Flange pose, its Jacobian to the joints that move, and to all joints, by Pinocchio."""
-    if limb.family_code != UR:
+    if not isinstance(limb, Limb):
         return wrist_arms.flange_of(known(limb), limb, q)
     pose, jacobian = oracle.flange(known(limb), q)
     return pose, jacobian, jacobian
@@ -39,7 +38,7 @@ def jacobian(limb, q):
 def frames_at(arm, q):
     """Frames 0 to 6 by compiled code: rows of an origin and three axes, shape (7, 4, 3)."""
     out = np.empty((7, 4, 3))
-    called(families.link_frames)(arm, q, out)
+    called(chain.link_frames)(arm, q, out)
     return out
 
 

@@ -5,9 +5,9 @@ from functools import cache
 import numpy as np
 from compiled import called
 
-from mlivr_gym.kinematics.arm import Arm, FlangeAxis
-from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
-from mlivr_gym.kinematics.lengths import set_arm
+from mlivr_gym.kinematics.chain import Chain, FlangeAxis
+from mlivr_gym.kinematics.chain_record import set_chain
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles
 
 
 def triple(vector):
@@ -23,8 +23,8 @@ def flange_axis(pose):
 @cache
 def arm_of(limb):
     """The arm of a limb as compiled code reads it; all who ask for it share it."""
-    out = Arm.row()
-    set_arm(out, limb.lengths, limb.windows, limb.family_code)
+    out = Chain.row()
+    set_chain(out, limb.steps, limb.senses, limb.windows)
     return out
 
 
