@@ -16,9 +16,10 @@ from typing import Any, cast
 import numpy as np
 
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import LineScratch, check_line
+from mlivr_gym.collisions.intervals import check_line
 from mlivr_gym.collisions.joint_lines import place_axes
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,

@@ -24,8 +24,8 @@ from mlivr_gym.collisions.followers import (
     set_follower,
     with_flips,
 )
-from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
