@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.bucket_queue import NodeQueue
+from mlivr_gym.planners.open_queue import NodeQueue
 
 CAPACITY = 1 << 22
 """Maximum number of labels of a search."""
