@@ -17,15 +17,12 @@ from mlivr_gym.compiled.limb_branch_sets import has_bit
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import CostWeights
-from mlivr_gym.planners.open_queue import NO_ENTRY, NodeQueue, pop, push
+from mlivr_gym.planners.open_queue import CLOCK_INTERVAL, NO_ENTRY, NodeQueue, pop, push
 from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 INITIAL_CAPACITY = 1 << 21
 """Initial capacity of the queue, in addition to the goals."""
-
-CLOCK_INTERVAL = 1 << 14
-"""Maximum number of entries taken from the queue between two readings of the clock."""
 
 COMPLETE, QUEUE_FULL, PAUSED = 0, 1, 2
 """Why a call of `_search` ends."""

@@ -48,17 +48,22 @@ from mlivr_gym.planners.labels import (
     Labels,
     NodeOrigins,
     NodePath,
+    requeue_checked,
 )
-from mlivr_gym.planners.open_queue import NO_ENTRY, least_estimate, pop, push, requeue
+from mlivr_gym.planners.open_queue import (
+    CLOCK_INTERVAL,
+    NO_ENTRY,
+    least_estimate,
+    pop,
+    push,
+    requeue,
+)
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,
 as a base displacement, where displacements are charged [m]."""
-
-CLOCK_INTERVAL = 1 << 14
-"""Maximum number of labels taken from the queue between two readings of the clock."""
 
 SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
@@ -205,18 +210,13 @@ def cheapest_path(
         return SearchOutcome(None, 0.0, end, 0)
     lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
     if end != SEARCH_COMPLETE:
-        waiting = min(labels.queue.lower_bound, float(status["pending_estimate"]))
-        lower_bound = min(lower_bound, waiting)
+        lower_bound = min(lower_bound, labels.queue.lower_bound, float(status["pending_estimate"]))
     path = None if found == NO_LABEL else labels.path_to(found)
     return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
 
 
 def _check_pending(
-    status: Any,
-    h: Array,
-    labels: Labels,
-    check: Check | None,
-    check_nodes: NodeCheck | None,
+    status: Any, h: Array, labels: Labels, check: Check | None, check_nodes: NodeCheck | None
 ) -> None:
     """Check the edges or nodes of pending labels, and push those that keep branches again."""
     pending = labels.pending[: int(status["pending"])]
@@ -227,7 +227,9 @@ def _check_pending(
         assert check_nodes is not None
         check_nodes(labels.queue.node[pending].astype(np.int64))
         after = labels.branch_sets[pending]
-    requeue_checked(status, h, labels, after)
+    estimates = status["cost_weight"] * labels.cost[pending] + h[labels.queue.node[pending]]
+    requeue_checked(labels, pending, estimates, after)
+    status["pending"], status["pending_estimate"] = 0, np.inf
 
 
 @entry
@@ -392,17 +394,3 @@ def _is_dominated(
             count += 1
         other = labels.previous_of_node[other]
     return label < 0 and count >= status.labels_per_node
-
-
-@entry
-def requeue_checked(
-    status: SearchStatus, h: Array, labels: Labels, after: NDArray[np.uint64]
-) -> None:
-    """Push the labels that were checked back into the queue, unless no branch is kept."""
-    for k in range(len(after)):
-        label = labels.pending[k]
-        labels.branch_sets[label], labels.checked[label] = after[k], True
-        if after[k] != NO_BRANCHES:
-            f = status.cost_weight * labels.cost[label] + h[labels.queue.node[label]]
-            requeue(labels.queue, f, label)
-    status.pending, status.pending_estimate = 0, np.inf

@@ -15,6 +15,10 @@ NO_ENTRY = -1
 """Index that stands for no entry."""
 
 
+CLOCK_INTERVAL = 1 << 14
+"""Maximum number of entries taken from the queue between two readings of the clock."""
+
+
 class QueueStatus(Record):
     """Fill level of a queue."""
 
