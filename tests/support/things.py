@@ -212,7 +212,7 @@ MAKERS = {
     "SceneRenderer": lambda of: SceneRenderer(of.map, robot_spec("mlivr2-ur10e"), 32, 16),
     "Cargo": lambda of: mlivr("robot.cargo").Cargo(1.0, 0.2),
     "Limb": lambda of: of["RobotSpec"].limb,
-    "SphericalWristLimb": lambda of: robot_spec("mlivr2-iiwa").limb,
+    "ChainLimb": lambda of: robot_spec("mlivr2-iiwa").limb,
     "LimbDynamics": lambda of: of["RobotSpec"].dynamics_of(0),
     "Capsule": lambda of: of["RobotSpec"].shapes[0],
     "Visual": lambda of: Visual("upper_arm", "arm.obj"),
