@@ -16,6 +16,7 @@ from mlivr_gym.collisions.distances import (
     compare_capsule_with_box,
     compare_capsules,
 )
+from mlivr_gym.collisions.joint_lines import LimbPlace, travel
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
@@ -58,6 +59,31 @@ def compare_capsule_pair(
         return CLEAR
     (p, p_end), (q, q_end) = first, second
     return compare_capsules(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
+
+
+@kernel
+def compare_limb_with_itself(
+    limb: LimbModel, placed: LimbPlace, pending: int, clearance: float
+) -> tuple[int, int]:
+    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
+    undecided, ends = 0, placed.in_body.ends
+    for k in range(limb.pair_count):
+        if not has(pending, k):
+            continue
+        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
+        first, second, axis = limb.capsules[i], limb.capsules[j], axis_of(ends, limb.pairs[k, 1])
+        inner = first.radius + second.radius + clearance
+        # The joints between the two links move the second as seen from the first.
+        moves = (
+            travel(placed, first.link, second.link, axis[0]),
+            travel(placed, first.link, second.link, axis[1]),
+        )
+        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
+        if result == SELF:
+            return SELF, undecided
+        if result == UNDECIDED:
+            undecided |= only(k)
+    return UNDECIDED if undecided else CLEAR, undecided
 
 
 @kernel

@@ -8,14 +8,16 @@ import numpy as np
 
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import LineScratch, check_line, check_middles
+from mlivr_gym.collisions.intervals import check_line, check_middles
 from mlivr_gym.collisions.joint_lines import STRAIGHT
 from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
     NO,
     NONE,
+    has,
     has_branch,
     only,
     without_branch,
@@ -52,8 +54,11 @@ def forget(i: int, branch: int, lines: LineScratch) -> None:
 @kernel
 def choose_branch(i: int, branch: int, branch_set: int, lines: LineScratch) -> None:
     """Let a limb follow on a branch, with the flips that a branch set has of it."""
-    lines.line.branch[i] = branch
-    lines.line.flips[i] = (branch_set >> branch) & 1 | (branch_set >> (branch + BRANCHES) & 1) << 1
+    line = lines.line
+    line.branch[i], line.flips[i] = branch, EMPTY
+    for flip in range(2):
+        if has(branch_set, branch + BRANCHES * flip):
+            line.flips[i] |= only(flip)
 
 
 @kernel
@@ -61,9 +66,9 @@ def with_flips(is_kept: bool, i: int, branch_set: int, lines: LineScratch) -> in
     """Return a branch set with the flips that a check has left of the chosen branch, if any."""
     branch = lines.line.branch[i]
     branch_set = without_branch(branch_set, branch)
-    if is_kept:
-        flips = lines.line.flips[i]
-        branch_set |= (flips & 1) << branch | (flips >> 1 & 1) << (branch + BRANCHES)
+    for flip in range(2):
+        if is_kept and has(lines.line.flips[i], flip):
+            branch_set |= only(branch + BRANCHES * flip)
     return branch_set
 
 

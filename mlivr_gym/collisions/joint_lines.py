@@ -224,9 +224,9 @@ def prove_follower(
 ) -> bool:
     """Bound the turns of a placed limb that follows the base over an interval.
 
-    Returned is whether it is proved that a solution follows on all of the interval.
+    Its inverse Jacobian is in `proof`. Returned is whether it is proved that a solution follows on
+    all of the interval.
     """
-    invert_jacobian(to.joints, proof)
     shift, turn = vector(move.shift), vector(move.turn)
     if not bound_changes(half, shift, turn, to.joints, proof, to.change):
         return False
@@ -270,13 +270,13 @@ def reached(limb: LimbModel, flips: int, place: LimbPlace, q: Joints) -> int:
 
 
 @kernel
-def turn_one_way(joints: int, half: float, proof: Following, place: LimbPlace) -> bool:
+def turn_monotonically(joints: int, half: float, proof: Following, place: LimbPlace) -> bool:
     """Return whether each joint of a set turns one way on an interval: to where it is at an end."""
-    one_way = True
+    monotone = True
     for j in range(6):
         if has(joints, j):
-            one_way = one_way and place.change[j] < 2.0 * half * abs(proof.rate[j])
-    return one_way
+            monotone = monotone and place.change[j] < 2.0 * half * abs(proof.rate[j])
+    return monotone
 
 
 @kernel
@@ -290,7 +290,7 @@ def set_move(line: JointLine, base: Pose, move: BaseMove) -> None:
 
 
 @kernel
-def carried(move: BaseMove, half: float, p: Triple) -> float:
+def base_travel(move: BaseMove, half: float, p: Triple) -> float:
     """Bound how far a point of the body travels with a base that moves straight [m].
 
     Seen from the body its velocity is the shift, which turns, plus that of the turn, which rests.

@@ -23,7 +23,7 @@ from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step, step_along
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
-from mlivr_gym.motion.straight_base import SupportsOnWay
+from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.motion.support_line import SupportLine
 from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
@@ -83,7 +83,7 @@ def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Comm
 
 def _supports(graph: StanceGraph, ends: StepEnds) -> Supports:
     """Return how the supports and the base move during a step."""
-    return SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnWay(graph, ends)
+    return SupportLine(graph, ends) if graph.limbs == 2 else FollowingSupports(graph, ends)
 
 
 def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:

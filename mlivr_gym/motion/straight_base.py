@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.joint_lines import STRAIGHT
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
@@ -38,7 +38,7 @@ JointCurve = Callable[[Array], Array]
 """Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
 
-class SupportsOnWay:
+class FollowingSupports:
     """Support limbs that follow the base on its straight way; see `swings.Supports`."""
 
     def __init__(self, graph: StanceGraph, ends: StepEnds) -> None:

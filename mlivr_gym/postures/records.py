@@ -9,9 +9,9 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.placement import Placed, Shapes
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
 from mlivr_gym.kinematics.grasps import Grasp

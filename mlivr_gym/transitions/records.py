@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.intervals import LineScratch
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.kinematics.limb import Angles

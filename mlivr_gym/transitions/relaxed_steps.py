@@ -14,7 +14,15 @@ from typing import Any, cast
 import numpy as np
 
 from mlivr_gym.collisions.followers import choose_branch
-from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, has, has_branch, only, without_branch
+from mlivr_gym.compiled.bit_sets import (
+    BRANCHES,
+    EMPTY,
+    any_flip,
+    has,
+    has_branch,
+    only,
+    without_branch,
+)
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
@@ -123,8 +131,7 @@ def _add_beside_swing(step: StepRecord, context: StepContext, scratch: StepScrat
             for b in range(BRANCHES):
                 if step.limb in (i, j) or i == j or not has_branch(kept[i], b):
                     continue
-                branches = kept[j] | kept[j] >> BRANCHES
-                if scratch.apart[i, b, j] & branches == EMPTY:
+                if scratch.apart[i, b, j] & any_flip(kept[j]) == EMPTY:
                     kept[i] = without_branch(kept[i], b)
         if i != step.limb and kept[i] == EMPTY:
             return

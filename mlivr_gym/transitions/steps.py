@@ -24,8 +24,8 @@ from mlivr_gym.collisions.followers import (
     set_follower,
     with_flips,
 )
-from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
@@ -322,8 +322,8 @@ def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
         compare_with(lines, only(moving), NO, itself, (NONE, NONE))
         if not stays_clear(WHOLE, layer, robot, world, lines):
             return False
+    with_limbs = world.first == 0 and world.stop > 0
     for i in range(robot.limb_count):
-        if i != moving and world.first < min(world.stop, 1):
-            if not are_apart(WHOLE, moving, i, robot, world, lines):
-                return False
+        if with_limbs and i != moving and not are_apart(WHOLE, moving, i, robot, world, lines):
+            return False
     return True
