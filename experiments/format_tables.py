@@ -22,8 +22,6 @@ from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
-from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
 from mlivr_gym.robot.visuals import VISUAL
 from mlivr_gym.schema import Struct
 from mlivr_gym.simulation.recording import Recording
@@ -189,8 +187,6 @@ def tables() -> dict[str, str]:
             (
                 fields(robot),
                 fields(LIMB, title="A limb of the UR family, three parallel axes:"),
-                fields(SPHERICAL_WRIST_LIMB, title="A limb with a spherical wrist:"),
-                fields(SSRMS_LIMB, title="A limb of the SSRMS's kind:"),
                 fields(CHAIN_LIMB, title="A limb told by the frames of its links:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),

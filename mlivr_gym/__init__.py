@@ -21,8 +21,6 @@ from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.chain_limb import ChainLimb
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
-from mlivr_gym.robot.ssrms_limb import SsrmsLimb
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
@@ -40,8 +38,6 @@ __all__ = [
     "MlivrError",
     "RobotSpec",
     "Settings",
-    "SphericalWristLimb",
-    "SsrmsLimb",
     "State",
     "__version__",
     "jem_map",

@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
-from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.limb import (
     FARTHEST_TURN,
     FOLDS,
@@ -22,15 +21,11 @@ from mlivr_gym.robot.limb import (
     LimbBase,
     LinkOffset,
     SixAngles,
-    share_of,
 )
 from mlivr_gym.robot.link_frames import turn_about_z
 from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
-from mlivr_gym.schema import Choice, FieldPath, Integer, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple, as_triple
-
-CHAIN = "chain"
-"""Name of such limbs in robot files."""
+from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple, as_triple
 
 UNIT_LENGTH = 1e-6
 """How far a quaternion's length may be from 1."""
@@ -47,10 +42,6 @@ LEAST_DETERMINANT = 1e-4
 
 MOST_FOLDS, TRIED = 3, 4096
 """Number of folds, and of postures among which they are chosen."""
-
-THICKNESS, GAP = 0.06, 0.03
-"""Radius of the default collision shapes as a share of the length of the arm, and how far those of
-a link and the next but one are apart where the link between is straight [m]."""
 
 
 class SeenAsUr(NamedTuple):
@@ -101,8 +92,6 @@ class ChainLimb(LimbBase):
     window_starts: SixAngles = (-np.pi,) * 6
     """Where the turn begins in which each joint that moves stays while the limb holds [rad], see
     `windows`."""
-    family: Annotated[str, Choice((CHAIN,))] = CHAIN
-    """`"chain"`."""
     held_joint: Annotated[int | None, OrNone(Integer(1, 7))] = None
     """Number of the joint of a seven-joint arm that is held; None of six."""
     held_angle: Angle = 0.0
@@ -210,8 +199,11 @@ class ChainLimb(LimbBase):
             return None
         form, names = found[0], ("d1", "a2", "a3", "d4", "d5", "d6")
         d1, a2, a3, d4, d5, d6 = (round(form.figures[name], 9) + 0.0 for name in names)
-        limb = Limb(d1, a2, a3, d4, d5, d6)
-        return SeenAsUr(limb, np.array(form.sign) * self.senses, np.array(form.zero))
+        # The links of an arm of UR point against the x axes of their frames.
+        upper, fore = np.pi * (a2 > 0.0), np.pi * (a3 > 0.0)
+        halves = np.array([0.0, upper, fore - upper, -fore, 0.0, 0.0])
+        limb = Limb(d1, -abs(a2), -abs(a3), d4, d5, d6)
+        return SeenAsUr(limb, np.array(form.sign) * self.senses, np.array(form.zero) + halves)
 
     def with_usual_windows(self) -> ChainLimb:
         """Return the limb with windows that begin where those of UR arms do, or at half a turn.
@@ -230,13 +222,6 @@ class ChainLimb(LimbBase):
         z = axes_of(self.quaternions[-1])[:, 2]
         moved = as_triple(np.array(self.origins[-1]) + shift * z)
         return replace(self, origins=(*self.origins[:-1], moved))
-
-    @property
-    def past_wrist(self) -> float:
-        """From the point of the last axis closest to the one before, along it to the flange [m]."""
-        z, origin = self.steps[5, :3, 2], self.steps[5, :3, 3]
-        across = np.array([z[0], z[1], 0.0])
-        return float(origin @ across / (across @ across))
 
     @cached_property
     def arm_length(self) -> float:
@@ -270,30 +255,6 @@ class ChainLimb(LimbBase):
             size = np.where(outer, np.linalg.norm(origins, axis=2).max(axis=1), np.inf)
             folds = np.round(angles[np.argsort(size, kind="stable")[:MOST_FOLDS], :5], 3)
         return tuple(map(tuple, folds.tolist()))
-
-    @property
-    def link_capsules(self) -> tuple[Capsule, ...]:
-        """Simple collision shapes along the links, without a gripper.
-
-        Each begins where it is clear of the end of the link before the last one, and that of link 4
-        ends where it is clear of the flange; a link that is too short for that has none.
-        """
-        radius, here, d6 = THICKNESS * self.arm_length, (0.0, 0.0, 0.0), self.past_wrist
-        places = [as_triple(step[:3, 3]) for step in self.steps]
-        x, y, z = places[0]
-        out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
-        apart, before = 2.0 * radius + GAP, np.inf
-        for link, place in zip(LINKS[1:5], places[1:5], strict=True):
-            size = max(float(np.linalg.norm(place)), MIN_SIZE)
-            start = 0.0 if before > apart else apart
-            stop = size - apart if link == "wrist_1" else size
-            if start < stop or link == "upper_arm":
-                first, last = (share_of(min(at / size, 1.0), place) for at in (start, stop))
-                out.append(Capsule(link, first, last, radius))
-            before = size
-        slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
-        end = -float(np.copysign(slim, d6))
-        return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
 
 
 @lru_cache(maxsize=8)

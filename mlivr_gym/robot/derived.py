@@ -11,10 +11,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.robot.default_shapes import default_capsules, farthest_part
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_mounts, even_rotations
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
-from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MIN_SIZE, Triple
 
@@ -58,7 +58,7 @@ class DerivedFigures:
             limb, shapes, dynamics = self.limb, shapes or self.capsules, dynamics or self.dynamics
             seen = seen or self.visuals
         if shapes is None:
-            shapes = stretched_capsules(limb, self.tool_length)
+            shapes = default_capsules(limb, self.tool_length)
         whole = replace(mount, limb=limb, capsules=shapes, dynamics=dynamics, visuals=seen)
         return _on_base(whole, limb)
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.chain_limb import ChainLimb
 from mlivr_gym.robot.description import WINDOWS, Description
 from mlivr_gym.robot.file_arms import JOINTS, FileArm, body_frame, limits_of
@@ -143,7 +143,7 @@ def _exported(file: Description, arm: FileArm, number: int) -> FileChain | None:
     listed = file.fields.get(LIMBS)
     if not file.is_exported or not isinstance(listed, list) or number >= len(listed):
         return None
-    limb = LIMB_OF_FAMILY.read(listed[number], FieldPath(f"{LIMBS}[{number}]", RobotError))
+    limb = ANY_LIMB.read(listed[number], FieldPath(f"{LIMBS}[{number}]", RobotError))
     base = body_frame(file.data, int(file.model.body_parentid[arm.first]))
     there = np.array([body_frame(file.data, link) for link in arm.links])
     axes = file.model.jnt_axis[list(arm.joints), 2]

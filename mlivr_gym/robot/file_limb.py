@@ -14,6 +14,7 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import closed_form
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule
+from mlivr_gym.robot.default_shapes import default_capsules, gripper_capsule
 from mlivr_gym.robot.description import LEAST_MASS, ROTORS, Description
 from mlivr_gym.robot.file_arms import FileArm
 from mlivr_gym.robot.file_chain import figures_of_limb
@@ -23,7 +24,6 @@ from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
 from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import MOST_CAPSULES
 from mlivr_gym.robot.rigid import RigidBody, cylinder
-from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
@@ -95,8 +95,8 @@ class FileOptions:
     """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
     capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
     """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
-    shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths, or,
-    for an arm of another family, for capsules along its links."""
+    shapes of the file. `"ur5e"` stands for those that a limb has by default, simple ones along its
+    links."""
     package_dirs: Annotated[tuple[str | Path, ...], ListOf(FileName())] = ()
     """Folders in which the packages of `package://` names lie, in addition to those above the file.
     """
@@ -136,7 +136,7 @@ class FileLimb:
     @property
     def described_capsules(self) -> tuple[Capsule, ...] | None:
         """Its collision shapes, None if they are those that a limb has by default."""
-        default = stretched_capsules(self.limb, self.tool_length)
+        default = default_capsules(self.limb, self.tool_length)
         same = _alike(tuple(map(astuple, self.capsules)), tuple(map(astuple, default)))
         return None if same else self.capsules
 
@@ -196,7 +196,7 @@ def limb_of(
             capsules = (*capsules, gripper_capsule(length, shift))
         apart = links_apart(file, members, base, limb)
     elif isinstance(options.capsules, str):
-        capsules, excess = stretched_capsules(limb, length), {}
+        capsules, excess = default_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}

@@ -20,12 +20,12 @@ from mlivr_gym.robot.capsule_fit import (
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.chain_limb import ChainLimb
+from mlivr_gym.robot.default_shapes import gripper_capsule
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_arms import body_frame, body_name
 from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
 from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.stretched import gripper_capsule
 from mlivr_gym.robot.validators import APART
 from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 
@@ -52,8 +52,7 @@ def fitted_capsules(
     flange [m]. Raises a `RobotError` if a mesh was not found, or no link that moves has a shape.
     """
     remedy = (
-        "name their folders with package_dirs, or take capsules='ur5e', those of the UR5e "
-        "stretched to the limb's lengths"
+        "name their folders with package_dirs, or take capsules='ur5e', simple ones along the links"
     )
     if file.missing:
         raise RobotError(

@@ -1,7 +1,7 @@
-"""The kinematics of a limb: lengths, joint limits, and the windows of its joints.
+"""The kinematics of a limb: links, joint limits, and the windows of its joints.
 
-`Limb` is an arm of the UR family. `LimbBase` is what limbs of all families have; another family is
-a class of its own, as `spherical_wrist_limb.SphericalWristLimb`.
+`LimbBase` is what all limbs have; `Limb` is told by the lengths of an arm of UR, and
+`chain_limb.ChainLimb` by the frames of its links.
 """
 
 from __future__ import annotations
@@ -16,12 +16,10 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import frames_at
+from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
 from mlivr_gym.schema import FieldPath, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
-
-FAMILIES = ("ur", "spherical_wrist")
-"""Families of limbs that are told by lengths, by their names in robot files."""
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple, as_triple
 
 FARTHEST_TURN = 100.0
 """Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
@@ -83,8 +81,13 @@ def share_of(share: float, place: Triple) -> Triple:
     return share * x, share * y, share * z
 
 
+THICKNESS, GAP = 0.06, 0.03
+"""Radius of the default collision shapes as a share of the length of the arm, and how far those of
+a link and the next but one are apart where the link between is straight [m]."""
+
+
 class LimbBase(ABC):
-    """Joint limits and windows of a limb of any family, of which six joints move.
+    """Joint limits and windows of a limb, of which six joints move.
 
     A seven-joint arm has one joint that is held at an angle: fields `held_joint`, its number from
     1, and `held_angle` [rad]. It moves neither while the limb holds nor while it swings.
@@ -121,6 +124,11 @@ class LimbBase(ABC):
             # What quarter turns leave of a sine is a rounding error.
             step[:3, 3], step[:3, :3] = origin, np.round(axes_of(quaternion), 15)
         return steps
+
+    @property
+    @abstractmethod
+    def arm_length(self) -> float:
+        """Length of upper arm and forearm together [m]."""
 
     @property
     def frames_at_zero(self) -> Array:
@@ -170,6 +178,39 @@ class LimbBase(ABC):
     def base_in_mount(self) -> tuple[Array, Array] | None:
         """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
         return None
+
+    @property
+    def past_wrist(self) -> float:
+        """From the point of the last axis closest to the one before, along it to the flange [m]."""
+        z, origin = self.steps[5, :3, 2], self.steps[5, :3, 3]
+        across = np.array([z[0], z[1], 0.0])
+        return float(origin @ across / (across @ across))
+
+    @property
+    def link_capsules(self) -> tuple[Capsule, ...]:
+        """Simple collision shapes along the links, without a gripper.
+
+        Each begins where it is clear of the end of the link before the last one, and the last one
+        before the wrist ends where it is clear of the flange; a link that is too short for that has
+        none.
+        """
+        radius, here, d6 = THICKNESS * self.arm_length, (0.0, 0.0, 0.0), self.past_wrist
+        places = [as_triple(step[:3, 3]) for step in self.steps]
+        sizes = [max(float(np.linalg.norm(place)), MIN_SIZE) for place in places]
+        x, y, z = places[0]
+        out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
+        apart, before = 2.0 * radius + GAP, np.inf
+        fore = max((k for k in range(1, 5) if sizes[k] > radius), default=4)
+        for k in range(1, 5):
+            start = 0.0 if before > apart else apart
+            stop = sizes[k] - apart if k == fore else sizes[k]
+            if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":
+                first, last = (share_of(min(at / sizes[k], 1.0), places[k]) for at in (start, stop))
+                out.append(Capsule(LINKS[k], first, last, radius))
+            before = sizes[k]
+        slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
+        end = -float(np.copysign(slim, d6))
+        return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
 
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].

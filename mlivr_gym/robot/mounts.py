@@ -13,7 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -42,11 +42,11 @@ class Mount:
     rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()]
     """Rows of the rotation from the limb's base axes to the body's; its third column is the axis of
     the first joint."""
-    limb: Annotated[AnyLimb | None, OrNone(Named(LIMB_OF_FAMILY, arm_limb))] = None
+    limb: Annotated[AnyLimb | None, OrNone(Named(ANY_LIMB, arm_limb))] = None
     """Kinematics of this limb; None for `RobotSpec.limb`."""
     capsules: GivenCapsules = None
     """Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
-    given, for those of the UR5e stretched to its lengths."""
+    given, for those that it has by default."""
     dynamics: Annotated[LimbDynamics | None, OrNone(Named(LIMB_DYNAMICS, arm_dynamics))] = None
     """Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
     is given, for those of the arm that has its lengths."""

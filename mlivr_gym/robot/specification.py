@@ -20,7 +20,7 @@ from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.build_checks import check_build, check_cargo
 from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
@@ -53,7 +53,7 @@ from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, T
 from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
-"""Stands for the folds of the limb's family, `Limb.default_folds`."""
+"""Stands for `Limb.default_folds`."""
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 """Endings of the files that `from_file` reads."""
@@ -79,7 +79,7 @@ class RobotSpec(DerivedFigures):
     """Short name."""
     limbs: Annotated[int, Integer(2, MOST_LIMBS)] = 2
     """Number of limbs N, at least 2; with `mounts` it is their number."""
-    limb: Annotated[AnyLimb, Named(LIMB_OF_FAMILY, arm_limb)] = field(default_factory=Limb)
+    limb: Annotated[AnyLimb, Named(ANY_LIMB, arm_limb)] = field(default_factory=Limb)
     """Kinematics of one limb."""
     mount_radius: Annotated[float, SIZE] = 0.1
     """Distance of a limb's base from the body's z axis [m]."""
@@ -112,10 +112,10 @@ class RobotSpec(DerivedFigures):
     ] = FOLDS_OF_LIMB
     """Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base moves, at
     most four, the preferred first; those outside the windows of the joints are left out. By default
-    those of the limb's family."""
+    `default_folds` of the limb."""
     capsules: GivenCapsules = None
-    """Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths, or
-    those of another family along its links, and a gripper from the flange to the grasp."""
+    """Collision shapes of a limb; by default those of the UR5e, or of
+    another arm simple ones along its links, and a gripper from the flange to the grasp."""
     body_size: Annotated[float | Triple, SizeOrEdges()] = 0.2
     """Edge of the body, a cube, or its three edges along x, y and z [m]."""
     body_mass: Annotated[float, Tuples((), *MASSES, "kg")] = 20.0
