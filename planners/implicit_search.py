@@ -2,51 +2,116 @@
 
 A stance of three or four limbs has hundreds of neighbours, few of which are nodes, and most of the
 time goes into postures and step checks. So a neighbour is evaluated in three parts, each when it
-comes first in an open queue, as in Lazy Weighted A* (Cohen, Phillips and Likhachev 2014): first its
-points alone are known, in a block with the other neighbours of its parent; then its posture is
-computed; then the edge to it is checked, which makes it a state. Neighbours with
-the same part to be evaluated form batches.
+comes first in the open queue, as in Lazy Weighted A* (Cohen, Phillips and Likhachev 2014): first
+its points alone are known, in a block with the other neighbours of its parent; then its posture is
+computed; then the edge to it is checked, which makes it a state. Neighbours with the same part to
+be evaluated form batches.
 
-Every item has a lower bound of the cost of plans through it, by the triangle inequality and
-`set_bounds`, or `move_bounds` if there are no stance sets. The minimum over the open queue bounds
-the cost of every plan, which gives the optimality bound. A search for an optimal plan takes
-items by their lower bound, a weighted or greedy one by `f = cost_weight * g + h`. An anytime search
-alternates two queues (Helmert 2006): one by an inadmissible estimate, which may lead into local
-minima, and one by the lower bound with the cost-to-go inflated, which leads out of them; once there
-is a plan every fifth item is taken by its lower bound, to raise the proved bound. If a graph has a
-table of nodes, `table_search` is used instead.
+A search for an optimal plan takes items by their lower bound, a weighted or greedy one by
+`f = cost_weight * g + h`, an anytime search by an inadmissible estimate. An item is dropped if its
+lower bound proves the incumbent good enough. So in whatever order items are taken, the least lower
+bound of those that wait or were dropped bounds the cost of every plan not found yet, which gives
+the optimality bound. If a graph has a table of nodes, `table_search` is used instead.
 """
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.move_bounds import MoveBounds
+from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.path_search import COST_TOLERANCE, EDGE_EFFORT, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
-from mlivr_gym.planners.queues import Block, Entry, OpenQueue
 from mlivr_gym.planners.set_bounds import SetBounds
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.transitions.state import State
 
-POSTURE_BATCH, BLOCK_BATCH, STEP_BATCH = 128, 8, 32
-"""Maximum number of stances whose postures are computed in one batch, of those from one block, and
-of steps checked in one batch."""
+BLOCK_BATCH = 8
+"""Maximum number of stances whose postures are computed at once of those from one block."""
 
-COST_TO_GO_INFLATION = 2.0
-"""Factor on the cost-to-go in the queue that leads out of local minima."""
-
-PROOF_INTERVAL = 5
-"""Once there is a plan, one of this many items is taken by its lower bound, to prove the plan
-good."""
+BATCHES = 16, 32, 1
+"""Maximum number of items in one batch, by their stage."""
 
 PROGRESS_INTERVAL = 20
 """Number of expansions between two reports of progress."""
+
+
+@dataclass(slots=True, eq=False)
+class Entry:
+    """A stance with a known posture, once expanded a node of the search tree."""
+
+    state: State
+    """Its state, with all branches of its posture until the step to it is checked."""
+    parent: Entry | None
+    """The expanded entry before it, None at the start."""
+    cost: float
+    """Cost so far."""
+    lower_bound: float
+    """Lower bound of the cost of plans through it."""
+    key: float
+    """Key by which the open queue is ordered."""
+    posture: Postures
+    """Its posture."""
+    checked: bool = False
+    """Whether the step to it was checked."""
+
+    @property
+    def position(self) -> Array:
+        """Base position [m], shape (3,)."""
+        position: Array = self.posture.base_position[0]
+        return position
+
+    @property
+    def stage(self) -> int:
+        """Number of its parts that are known: 1 before the step to it is checked, 2 after."""
+        return 1 + self.checked
+
+    def path(self) -> list[Entry]:
+        """Return the entries from the start to it."""
+        entries = [self]
+        while entries[-1].parent is not None:
+            entries.append(entries[-1].parent)
+        return entries[::-1]
+
+
+@dataclass(slots=True, eq=False)
+class Block:
+    """Neighbours of an expanded state, in order of key, of which only the points are known."""
+
+    parent: Entry
+    """The expanded entry."""
+    cost: float
+    """Lower bound of the cost so far at each of them."""
+    stances: IntArray
+    """Their points, shape (k, N)."""
+    lower_bounds: Array
+    """Lower bounds of the cost of plans through each of them and all after it, shape (k,)."""
+    keys: Array
+    """Keys by which the open queue is ordered, shape (k,)."""
+    stage: ClassVar[int] = 0
+
+    @property
+    def lower_bound(self) -> float:
+        """Lower bound of the cost of plans through any of them."""
+        return float(self.lower_bounds[0])
+
+    @property
+    def key(self) -> float:
+        """Key of the first."""
+        return float(self.keys[0])
+
+    def part(self, some: slice) -> Block:
+        """Return some of them."""
+        arrays = self.stances, self.lower_bounds, self.keys
+        return Block(self.parent, self.cost, *(one[some] for one in arrays))
 
 
 class ImplicitSearch(PathSearch):
@@ -57,8 +122,12 @@ class ImplicitSearch(PathSearch):
     def __init__(self, graph: ImplicitGraph, search: SearchQuery, start: State) -> None:
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
-        self.max_displacement, self.generated, self._taken = graph.max_displacement, 1, 0
-        self._by_lower_bound, self._by_estimate, self._inflated = (OpenQueue() for _ in range(3))
+        self.max_displacement, self.generated = graph.max_displacement, 1
+        self._open: list[tuple[float, float, int, Block | Entry]] = []
+        """The open queue, a heap; ties go to the larger cost so far."""
+        self._pushed = 0
+        self._dropped = np.inf
+        """Least lower bound of the items that were dropped since the incumbent is good enough."""
         self._explored: list[Entry] = []
         """Expanded entries, in order."""
         self._labels: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
@@ -67,28 +136,62 @@ class ImplicitSearch(PathSearch):
         """Minimum cost with which each stance was expanded with all its branches."""
 
     @cached_property
-    def moves(self) -> MoveBounds | SetBounds:
-        """Lower bounds of the steps to the goal."""
+    def moves(self) -> SetBounds | None:
+        """Lower bounds of the steps to the goal; None without stance sets."""
         graph, goal = self.graph, self.goal
         sets = graph.sets(build=False) if graph.searches_sets else None
-        if sets is None:
-            return MoveBounds(graph, goal, self.clock)
-        return SetBounds(graph, sets, goal, self.clock)
+        return None if sets is None else SetBounds(graph, sets, goal, self.clock)
 
     def _paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         self._push_start()
-        while self._continues():
-            queue = self._next_queue()
-            item = queue.pop()
-            if isinstance(item, Block):
-                self._compute_postures(queue, item)
-            elif isinstance(item, Entry) and not item.checked:
-                self._check_steps(queue, item)
-            elif isinstance(item, Entry) and self._expand(item):
-                self.incumbent_cost, path = item.cost, item.path()
+        while self._open and not (
+            self.expanded and (self.is_late or self.expanded >= self.search.limit)
+        ):
+            batch = self._next_batch()
+            try:
+                reached = self._evaluate(batch)
+            except OutOfTime:
+                for item in batch:
+                    self._push(item)
+                self._update_lower_bound()
+                raise
+            if reached is not None:
+                self.incumbent_cost, path = reached.cost, reached.path()
+                self._update_lower_bound()
                 positions = np.array([entry.position for entry in path])
                 yield StatePath(tuple(entry.state for entry in path), positions)
+        self._update_lower_bound()
+
+    def _update_lower_bound(self) -> None:
+        """Update the lower bound of all plans that are not found yet."""
+        waiting = min((item.lower_bound for *_, item in self._open), default=np.inf)
+        self.lower_bound = min(waiting, self._dropped)
+
+    def _next_batch(self) -> list[Block | Entry]:
+        """Take the first items of the open queue that have the same part to be evaluated."""
+        batch: list[Block | Entry] = []
+        stage = self._open[0][-1].stage
+        while self._open and self._open[0][-1].stage == stage and len(batch) < BATCHES[stage]:
+            item = heapq.heappop(self._open)[-1]
+            if isinstance(item, Block) and len(item.stances) > BLOCK_BATCH:
+                self._push(item.part(slice(BLOCK_BATCH, None)))
+                item = item.part(slice(BLOCK_BATCH))
+            batch.append(item)
+        return batch
+
+    def _evaluate(self, batch: list[Block | Entry]) -> Entry | None:
+        """Evaluate the next part of some items; return the entry at the goal, if it is one."""
+        kept = [item for item in batch if self._may_improve(item)]
+        blocks = [item for item in kept if isinstance(item, Block)]
+        entries = [item for item in kept if isinstance(item, Entry)]
+        if blocks:
+            self._compute_postures(blocks)
+        elif entries and not entries[0].checked:
+            self._check_steps(entries)
+        elif entries and self._expand(entries[0]):
+            return entries[0]
+        return None
 
     def is_connected(self) -> bool:
         """Return whether moves may connect the start with the goal, whatever the obstacles are."""
@@ -100,50 +203,40 @@ class ImplicitSearch(PathSearch):
         return np.array(ends).reshape(-1, 2, 3)
 
     def _push_start(self) -> None:
-        """Push the start into the queues."""
+        """Push the start into the queue."""
         start, posture, lower_bound = self.start, self.start_posture, 0.0
         if start.pose is None:  # from a given pose limbs may reach farther
             stance, remaining = np.array([start.stance]), self._remaining(posture.base_position)
             lower_bound = float(self._lower_bounds(stance, remaining, np.zeros(1))[0])
-        self._push(Entry(start, None, 0.0, lower_bound, 0.0, posture, checked=True))
+        if lower_bound < np.inf and self._is_goal_in_reach():
+            self._push(Entry(start, None, 0.0, lower_bound, 0.0, posture, checked=True))
 
-    def _continues(self) -> bool:
-        """Update the lower bound; return whether to continue the search."""
-        first = self._by_lower_bound.top()
-        self.lower_bound = np.inf if first is None else first.lower_bound
-        if first is None or (
-            self.incumbent_cost < np.inf and self.bound() <= self.search.inflation
-        ):
-            return False
-        return not (self.expanded and (self.is_late or self.expanded >= self.search.limit))
-
-    def _next_queue(self) -> OpenQueue:
-        """Return the queue from which the next item is taken, see the module."""
-        self._taken += 1
-        if not self.search.anytime:
-            return self._by_lower_bound if self.search.inflation == 1.0 else self._by_estimate
-        if self.has_path and self._taken % PROOF_INTERVAL == 0:
-            return self._by_lower_bound
-        return self._inflated if self._taken % 2 else self._by_estimate
+    def _is_goal_in_reach(self) -> bool:
+        """Return whether there are points for all limbs from which a base can be at the goal."""
+        grasp_map, robot, goal = self.graph.grasp_map, self.graph.robot, self.goal
+        near = goal.distance(grasp_map.positions) <= robot.reach + goal.tolerance + 1e-9
+        if goal.on_face is not None:
+            near &= goal.on_face
+        return int(near.sum()) >= robot.limbs
 
     def _push(self, item: Block | Entry) -> None:
-        """Push an item into the queues."""
-        lower_bound = item.lower_bound
-        self._by_lower_bound.push(lower_bound, item)
-        self._by_estimate.push(item.estimate, item)
-        if self.search.anytime:
-            self._inflated.push(item.cost + COST_TO_GO_INFLATION * (lower_bound - item.cost), item)
+        """Push an item into the queue."""
+        self._pushed += 1
+        heapq.heappush(self._open, (item.key, -item.cost, self._pushed, item))
 
-    def _may_improve(self, entry: Entry) -> bool:
-        """Return whether an entry may lead to a better plan; otherwise drop it."""
-        is_known = self._fully_expanded.get(entry.state.stance, np.inf) <= entry.cost
-        if is_known or self._is_too_dear(entry):
-            entry.done = True
-        return not entry.done
-
-    def _is_too_dear(self, item: Block | Entry) -> bool:
-        """Return whether no path through an item is cheaper than the incumbent."""
-        return item.lower_bound >= self.incumbent_cost * (1.0 - COST_TOLERANCE)
+    def _may_improve(self, item: Block | Entry) -> bool:
+        """Return whether an item may lead to a better plan than required."""
+        if isinstance(item, Entry):
+            least = self._fully_expanded.get(item.state.stance, np.inf)
+            if least <= item.cost:
+                return False
+        required = self.incumbent_cost
+        if self.has_path:
+            required *= (1.0 - COST_TOLERANCE) / self.search.inflation
+        if item.lower_bound >= required:
+            self._dropped = min(self._dropped, item.lower_bound)
+            return False
+        return True
 
     def _remaining(self, positions: Array) -> Array:
         """Return the distances of base positions from the goal region [m]."""
@@ -160,78 +253,64 @@ class ImplicitSearch(PathSearch):
         cost = self.goal.cost
         if self.search.heuristic == "zero":
             return costs + ahead * cost.step_weight
-        moves = ahead + self.moves.steps(stances)
-        if not ahead:
-            moves = np.maximum(moves, np.ceil(remaining / self.max_displacement - 1e-9))
+        by_distance = np.ceil(remaining / self.max_displacement - 1e-9)
+        by_sets = 0.0 if self.moves is None else self.moves.steps(stances)
+        moves = np.maximum(by_distance, ahead + by_sets)
         is_possible = np.isfinite(moves)
         steps = np.where(is_possible, moves, 0.0)
         lower_bounds = costs + cost.base_weight * remaining + cost.step_weight * steps
         return np.where(is_possible, lower_bounds, np.inf)
 
-    def _estimates(self, stances: IntArray, positions: Array, costs: Array) -> Array:
-        """Return the keys of stances in the search for a first plan, shape (k,)."""
+    def _keys(
+        self, stances: IntArray, positions: Array, costs: Array, lower_bounds: Array
+    ) -> Array:
+        """Return the keys of stances in the open queue, shape (k,)."""
         distances = self.goal.distance(positions)
         if self.search.anytime:
-            moves = self.moves.steps(stances) if isinstance(self.moves, SetBounds) else None
+            moves = None if self.moves is None else self.moves.steps(stances)
             return costs + self.goal.cost.inadmissible_estimate(distances, moves)
+        if self.search.inflation == 1.0:
+            return lower_bounds
         return self.search.cost_weight * costs + self.search.estimate(
             distances, self.max_displacement
         )
 
-    def _compute_postures(self, queue: OpenQueue, item: Block | Entry | None) -> None:
-        """Compute postures of the stances of blocks, and push those stances that are nodes."""
+    def _compute_postures(self, blocks: list[Block]) -> None:
+        """Compute postures of the stances of blocks, and push those that are nodes."""
         parents: list[Entry] = []
         stances: list[tuple[int, ...]] = []
-        taken = 0
-        while isinstance(item, Block):
-            if self._is_too_dear(item):
-                item.take(len(item.stances))
-            else:
-                some = item.take(BLOCK_BATCH).tolist()
-                taken += len(some)
-                if not item.done:
-                    self._push(item)
-                for stance in map(tuple, some):
-                    if self._fully_expanded.get(stance, np.inf) > item.cost:
-                        parents.append(item.parent)
-                        stances.append(stance)
-            item = queue.pop(item.stage) if taken < POSTURE_BATCH else None
-        if not stances:
-            return
-        rows = np.array(stances, dtype=np.int64)
+        for block in blocks:
+            for stance in map(tuple, block.stances.tolist()):
+                if self._fully_expanded.get(stance, np.inf) > block.cost:
+                    parents.append(block.parent)
+                    stances.append(stance)
+        rows = np.array(stances, dtype=np.int64).reshape(-1, self.graph.limbs)
         self.check_effort += EDGE_EFFORT * len(rows)  # a posture counts as an edge
         pieces = self.clock.pieces("postures", len(rows))
-        postures = join(*[self.graph.nodes(rows[piece]) for piece in pieces])
-        nodes = np.flatnonzero(self.graph.is_node(postures))
-        if not len(nodes):
+        found = [self.graph.nodes(rows[piece]) for piece in pieces]
+        if not found:
             return
+        postures = join(*found)
+        nodes = np.flatnonzero(self.graph.is_node(postures))
         positions, cost = postures.base_position[nodes], self.goal.cost
-        before = np.array([parents[k].position for k in nodes])
+        before = np.array([parents[k].position for k in nodes]).reshape(-1, 3)
         costs = np.array([parents[k].cost for k in nodes])
         costs += cost.base_weight * np.linalg.norm(positions - before, axis=1) + cost.step_weight
         lower_bounds = self._lower_bounds(rows[nodes], self._remaining(positions), costs)
-        keys = costs, lower_bounds, self._estimates(rows[nodes], positions, costs)
+        keys = costs, lower_bounds, self._keys(rows[nodes], positions, costs, lower_bounds)
         for k, g, f, key in zip(nodes.tolist(), *(one.tolist() for one in keys), strict=True):
             state = State(stances[k], tuple(postures.branch_sets[k].tolist()))
             entry = Entry(state, parents[k], g, f, key, postures.take(np.array([k])))
             if self._may_improve(entry):
                 self._push(entry)
 
-    def _check_steps(self, queue: OpenQueue, item: Block | Entry | None) -> None:
-        """Check the steps to stances, and drop stances that cannot be reached by them."""
-        batch: list[Entry] = []
-        while isinstance(item, Entry):
-            if self._may_improve(item):
-                batch.append(item)
-            item = queue.pop(item.stage) if len(batch) < STEP_BATCH else None
-        if not batch:
-            return
+    def _check_steps(self, batch: list[Entry]) -> None:
+        """Check the steps to stances, and push the stances that can be reached by them."""
         self.check_effort += EDGE_EFFORT * len(batch)
         pieces = self.clock.pieces("edges", len(batch))
         branch_sets = np.concatenate([self._branch_sets_after(batch[piece]) for piece in pieces])
         for entry, after in zip(batch, branch_sets, strict=True):
-            entry.done = not after.all()
-            if not entry.done:
+            if after.all():
                 entry.state, entry.checked = State(entry.state.stance, tuple(after.tolist())), True
                 self._push(entry)
 
@@ -249,8 +328,7 @@ class ImplicitSearch(PathSearch):
 
     def _expand(self, entry: Entry) -> bool:
         """Expand an entry unless it is dominated; return whether it is at the goal."""
-        may_improve, entry.done = self._may_improve(entry), True
-        if not may_improve or self._is_dominated(entry):
+        if self._is_dominated(entry):
             return False
         self._explored.append(entry)
         progress = self.search.progress
@@ -288,11 +366,12 @@ class ImplicitSearch(PathSearch):
         lower_bounds = self._lower_bounds(stances, self._remaining(position), so_far, 1)
         shift = np.linalg.norm(likely_base - position, axis=1)
         costs = so_far + cost.step_weight
-        estimates = self._estimates(stances, likely_base, costs + cost.base_weight * shift)
+        likely_costs = costs + cost.base_weight * shift
+        keys = self._keys(stances, likely_base, likely_costs, lower_bounds)
         promising = np.flatnonzero(np.isfinite(lower_bounds) & (lower_bounds < self.incumbent_cost))
         if not len(promising):
             return
-        promising = promising[np.argsort(estimates[promising], kind="stable")]
+        promising = promising[np.argsort(keys[promising], kind="stable")]
         least = np.minimum.accumulate(lower_bounds[promising][::-1])[::-1]
-        self._push(Block(entry, float(costs[0]), stances[promising], least, estimates[promising]))
+        self._push(Block(entry, float(costs[0]), stances[promising], least, keys[promising]))
         self.generated += len(promising)

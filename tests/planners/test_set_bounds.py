@@ -11,8 +11,6 @@ from paper import NO_COLLISIONS
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.clock import Clock, OutOfTime
-from mlivr_gym.planners.move_bounds import MoveBounds, partitions
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.set_bounds import SetBounds, fewest_moves
 
@@ -34,24 +32,7 @@ def stances_and_steps(request):
     return graph, rows, steps
 
 
-def by_pairs(graph, goal):
-    return MoveBounds(graph, goal)
-
-
-def by_sets(graph, goal):
-    return SetBounds(graph, graph.sets(), goal)
-
-
-def test_no_moves_are_counted_after_the_deadline():
-    """On a large map it takes long: the clock is read before each round."""
-    graph = stance_graph(few_of_a_wall(16), "mlivr4", NO_COLLISIONS)
-    goal = Goal.from_arguments(graph, graph.grasp_map.cabin.mean(axis=0), "steps", None, 0.2)
-    with pytest.raises(OutOfTime):
-        MoveBounds(graph, goal, Clock(0.0))
-
-
-@pytest.mark.parametrize("bounds", [by_pairs, by_sets])
-def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps):
+def test_bounds_of_steps_are_admissible_and_consistent(stances_and_steps):
     """Never above the fewest steps between nodes, and no step changes them by more than one."""
     graph, rows, steps = stances_and_steps
     base, rng, useful = graph.postures(rows).base_position, np.random.default_rng(0), 0
@@ -59,7 +40,7 @@ def test_bounds_of_steps_are_admissible_and_consistent(bounds, stances_and_steps
         goal = Goal.from_arguments(
             graph, np.clip(base[k], *graph.grasp_map.cabin), "steps", None, 0.2
         )
-        bound = bounds(graph, goal).steps(rows)
+        bound = SetBounds(graph, graph.sets(), goal).steps(rows)
         goals = set(np.flatnonzero(goal.reached(base, rows)).tolist())
         if not goals:
             continue
@@ -117,12 +98,3 @@ def test_fewest_moves_are_those_of_networkx(stances_and_steps):
         fewest_moves(sets.support_sets, moves, np.zeros(sets.support_set_count, dtype=np.bool_))
         found = nx.multi_source_dijkstra_path_length(over, set(goals), weight=None)
         assert moves.tolist() == [found.get(s, -2) // 2 for s in range(len(sets))]
-
-
-def test_partitions_are_all_there_are_into_pairs():
-    for count, number in ((2, 1), (3, 3), (4, 3), (5, 15), (6, 15)):
-        found = list(partitions(tuple(range(count))))
-        assert len({frozenset(map(frozenset, one)) for one in found}) == len(found) == number
-        for one in found:
-            assert sorted(itertools.chain(*one)) == list(range(count))
-            assert sorted(map(len, one)) == [1] * (count % 2) + [2] * (count // 2)
