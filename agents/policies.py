@@ -255,14 +255,14 @@ class PlanPolicy(Independent):
 
 @checked(QUERY)
 def planner_policy(
-    cost: str = "steps", method: str = "astar", planner: Planner | None = None, **options: Any
+    cost: str = "steps", planner: Planner | None = None, **options: Any
 ) -> PlanPolicy:
     """Return a policy that follows plans of a `Planner`.
 
     By default the planner plans on the stance graph of the environment, from the present state:
     after a failed grasp a limb may be on only some of its branches. A planner for another graph of
     the same map, for example without thresholds, plans from the present stance, and its plans are
-    followed whether their actions are valid or not. Cost, method and options are arguments of
+    followed whether their actions are valid or not. Cost and options are arguments of
     `Planner.plan`.
 
     Examples
@@ -273,7 +273,7 @@ def planner_policy(
     >>> evaluate(env, planner_policy("base"), episodes=1).success_rate
     1.0
     """
-    return PlanPolicy(_Planned(planner, cost, method, options))
+    return PlanPolicy(_Planned(planner, cost, options))
 
 
 @checked(BASELINE)
@@ -292,7 +292,6 @@ class _Planned:
     given: Planner | None
     """Planner of the user."""
     cost: str
-    method: str
     options: dict[str, Any]
     made: Planner | None = None
     """Planner on the graph of the environment, if none is given."""
@@ -306,8 +305,8 @@ class _Planned:
         planner = self.given or self.made
         assert planner is not None
         plan = planner.plan(
-            goal=env.goal.tolist(), cost=self.cost, method=self.method,
-            goal_tolerance=env.goal_tolerance, **start, **self.options,
+            goal=env.goal.tolist(), cost=self.cost, goal_tolerance=env.goal_tolerance,
+            **start, **self.options,
         ).plan  # fmt: skip
         if plan is None:
             return None

@@ -16,6 +16,7 @@ from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extras import require
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.schema import Integer, OrNone
 
 PLANNERS = (
@@ -34,7 +35,7 @@ def policy_by_name(name: str, env: MlivrEnv, seed: int = 0, beam: int | None = N
     if name in ("local", "two_level", "mcts"):
         return baseline_policy(name, seed=seed)
     if name in ("astar", "dijkstra", "greedy"):
-        return planner_policy("steps", name)
+        return planner_policy("steps", options=SearchOptions(method=name))
     if name == "astar-base":
         return planner_policy("base")
     if name == "expert":

@@ -26,8 +26,9 @@ from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.paper import default_setup
-from mlivr_gym.planners import Planner, PlanningResult
+from mlivr_gym.planners import Planner, PlanningResult, SearchOptions
 from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.query import DEFAULT_OPTIONS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 COSTS = {"steps": "the fewest steps", "base": "least translation"}
@@ -67,12 +68,12 @@ def machine() -> dict[str, Any]:
 
 
 def query_times(
-    planner: Planner, tasks: Iterable[Task], cost: str, **options: Any
+    planner: Planner, tasks: Iterable[Task], cost: str, options: SearchOptions = DEFAULT_OPTIONS
 ) -> dict[str, Any]:
     """Time `Planner.plan` and its search over queries; count expansions and missing plans."""
     whole, results = [], []
     for start, goal in tasks:
-        seconds, result = timed(partial(planner.plan, start.stance, goal, cost, **options))
+        seconds, result = timed(partial(planner.plan, start.stance, goal, cost, options=options))
         whole.append(seconds)
         results.append(result)
     return spread(whole) | {
@@ -150,9 +151,9 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
 def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
-    series = {"A*": {}, "A*, consistent": {"heuristic": "consistent"}}
-    series["Dijkstra"] = {"method": "dijkstra"}
-    ours = {name: query_times(Planner(graph), tasks, "base", **how) for name, how in series.items()}
+    series = {"A*": SearchOptions(), "A*, consistent": SearchOptions(heuristic="consistent")}
+    series["Dijkstra"] = SearchOptions(method="dijkstra")
+    ours = {name: query_times(Planner(graph), tasks, "base", how) for name, how in series.items()}
     out: dict[str, Any] = {"this planner": ours}
     for name, library in LIBRARIES.items():
         before = resident()

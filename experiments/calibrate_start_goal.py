@@ -26,7 +26,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, MODES, PAPER, SETUP, case_graph
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Plan, Planner, SearchOptions
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
@@ -57,7 +57,11 @@ def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Pl
     """Return the plan of a case, or None if no plan exists."""
     heuristic = MODES[mode].heuristic if mode == "faithful" else "relaxed"
     return planner.plan(
-        setup["start"], setup["goal"], CASES[case].cost, heuristic=heuristic, goal_face=FACE
+        setup["start"],
+        setup["goal"],
+        CASES[case].cost,
+        options=SearchOptions(heuristic=heuristic),
+        goal_face=FACE,
     ).plan
 
 

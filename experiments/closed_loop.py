@@ -30,7 +30,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.controller import PAPER
@@ -129,7 +129,9 @@ def drawn(robot: str, seed: int) -> Task:
     unknown = unknown_things(graph, task.start, rng)
     graph.add_obstacles(unknown)
     planner = Planner(graph)
-    found = planner.plan(task.start.stance, task.goal, "steps", effort=effort_for(graph))
+    found = planner.plan(
+        task.start.stance, task.goal, "steps", options=SearchOptions(effort=effort_for(graph))
+    )
     graph.remove_obstacles()
     steps = None if found.plan is None else len(found.plan.steps)
     is_possible = found.reason not in PROVED_IMPOSSIBLE
@@ -171,14 +173,18 @@ def is_cut_off(graph: StanceGraph, task: Task, state: State | None) -> bool:
     """Return whether it is proved that the goal cannot be reached from a state."""
     graph.add_obstacles(task.unknown)
     start = task.start if state is None else state
-    found = Planner(graph).plan(start, task.goal, "steps", effort=effort_for(graph))
+    found = Planner(graph).plan(
+        start, task.goal, "steps", options=SearchOptions(effort=effort_for(graph))
+    )
     graph.remove_obstacles()
     return found.reason in PROVED_IMPOSSIBLE
 
 
 def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[str, Any]:
     """Carry the first plan of a task out without looking or replanning."""
-    found = Planner(graph).plan(task.start, task.goal, "steps", effort=effort_for(graph))
+    found = Planner(graph).plan(
+        task.start, task.goal, "steps", options=SearchOptions(effort=effort_for(graph))
+    )
     if found.plan is None or not found.plan.steps:
         return {"outcome": None}
     simulation = setup.simulation(graph.grasp_map, graph.robot, task.unknown, seed)

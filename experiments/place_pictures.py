@@ -23,7 +23,7 @@ from mlivr_gym.pictures.captions import with_caption
 from mlivr_gym.pictures.figures import save_image
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Plan, Planner, SearchOptions
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
@@ -74,7 +74,9 @@ def planned(name: str) -> tuple[StanceGraph, Plan]:
         return env.graph, found.unwrap()
     start, goal = PLANS[name]
     graph = stance_graph(name)
-    return graph, Planner(graph).plan(start, goal, "steps", inflation=INFLATION).unwrap()
+    return graph, Planner(graph).plan(
+        start, goal, "steps", options=SearchOptions(inflation=INFLATION)
+    ).unwrap()
 
 
 def environment(name: str) -> MlivrEnv:

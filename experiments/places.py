@@ -19,7 +19,7 @@ from reports import CORES, ROOT, experiment, study_rows, table
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import MapError
 from mlivr_gym.files import read_json
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.lower_bounds import MAX_STEPS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -78,10 +78,12 @@ def planned(task: int, place: str) -> dict[str, Any]:
     env, planner = world_of(place)
     env.reset(options={"task": task})
     query: Any = {"cost": "steps", "goal_tolerance": env.goal_tolerance}
-    found = planner.plan(env.state, env.goal, **query, limit=EXPANSIONS)
+    found = planner.plan(env.state, env.goal, **query, options=SearchOptions(limit=EXPANSIONS))
     is_proved = found.plan is not None
     if not is_proved:
-        found = planner.plan(env.state, env.goal, **query, inflation=INFLATION)
+        found = planner.plan(
+            env.state, env.goal, **query, options=SearchOptions(inflation=INFLATION)
+        )
     return {"steps": len(found.unwrap().steps), "is_proved": is_proved}
 
 

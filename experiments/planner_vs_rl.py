@@ -41,7 +41,7 @@ from mlivr_gym.agents.learned import beam_policy, load_policy
 from mlivr_gym.agents.test_set import freeze_test_set, load_test_set
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import PlanError
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.refinement import refined
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.simulation.execution import execute
@@ -63,11 +63,11 @@ def planners() -> dict[str, Callable[[MlivrEnv], Policy]]:
     return {
         "astar-steps": lambda env: planner_policy("steps"),
         "astar-base": lambda env: planner_policy("base"),
-        "dijkstra": lambda env: planner_policy("steps", "dijkstra"),
+        "dijkstra": lambda env: planner_policy("steps", options=SearchOptions(method="dijkstra")),
         "table": lambda env: ExpertPolicy(),
         "table-sure": lambda env: ExpertPolicy(expect_failures=False),
         "table-expected": lambda env: ExpertPolicy(),
-        "greedy": lambda env: planner_policy("steps", "greedy"),
+        "greedy": lambda env: planner_policy("steps", options=SearchOptions(method="greedy")),
         "local": lambda env: baseline_policy("local"),
         "mcts": lambda env: baseline_policy("mcts"),
         "two-level": lambda env: baseline_policy("two_level"),

@@ -18,7 +18,7 @@ from reports import CORES, experiment, study_rows, table
 from mlivr_gym.cli.table1 import Start, row_of
 from mlivr_gym.errors import StanceError
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 LEAST = 3.0
@@ -79,7 +79,8 @@ def pair(task: int) -> dict[str, Any]:
             assert isinstance(planner.graph, TwoLimbGraph)
             try:
                 found = planner.plan(
-                    start.stance, goal, CASES[case].cost, heuristic=HEURISTICS[mode],
+                    start.stance, goal, CASES[case].cost,
+                    options=SearchOptions(heuristic=HEURISTICS[mode]),
                     goal_face="overhead", start_pose=start.pose_for(planner.graph),
                 )  # fmt: skip
             except StanceError:

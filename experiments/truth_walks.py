@@ -16,7 +16,7 @@ from tqdm import tqdm
 from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.walks import plan_of
 from mlivr_gym.settings import Settings
@@ -219,7 +219,9 @@ def small_query(task: int) -> dict[str, Any]:
     goal = choice[int(rng.integers(len(choice)))]
     reached = costs[np.linalg.norm(known.places - goal, axis=1) <= 0.05]
     how: dict[str, Any] = {} if price is None else {"regrasp_price": price}
-    found = Planner(graph).plan(start, goal, name, goal_tolerance=0.05, inflation=1.0, **how)
+    found = Planner(graph).plan(
+        start, goal, name, goal_tolerance=0.05, options=SearchOptions(inflation=1.0), **how
+    )
     world = "collisions" if collisions else "no collisions"
     if (found.plan is None) != (not len(reached)):
         return {"outcome": f"{world}: existence differs", "off": np.inf}

@@ -11,5 +11,6 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.planner import Planner
 from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.planners.query import SearchOptions
 
-__all__ = ["Cost", "CostToGo", "Plan", "Planner", "PlanningResult", "Step"]
+__all__ = ["Cost", "CostToGo", "Plan", "Planner", "PlanningResult", "SearchOptions", "Step"]

@@ -214,10 +214,10 @@ class ImplicitSearch(PathSearch):
     def _is_goal_in_reach(self) -> bool:
         """Return whether there are points for all limbs from which a base can be at the goal."""
         grasp_map, robot, goal = self.graph.grasp_map, self.graph.robot, self.goal
-        near = goal.distance(grasp_map.positions) <= robot.reach + goal.tolerance + 1e-9
+        at_goal = goal.distance(grasp_map.positions) <= robot.reach + goal.tolerance + 1e-9
         if goal.on_face is not None:
-            near &= goal.on_face
-        return int(near.sum()) >= robot.limbs
+            at_goal &= goal.on_face
+        return int(at_goal.sum()) >= robot.limbs
 
     def _push(self, item: Block | Entry) -> None:
         """Push an item into the queue."""

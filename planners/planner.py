@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.failed_joints import FailedJoint, start_with_failed_joints
+from mlivr_gym.planners.failed_joints import start_with_failed_joints
 from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
@@ -30,11 +31,13 @@ from mlivr_gym.planners.planning_result import (
     without_plan,
 )
 from mlivr_gym.planners.query import (
+    DEFAULT_OPTIONS,
     EXPANSIONS,
     GOAL_TOLERANCE,
     MAX_EXPANSIONS,
     QUERY,
     Goal,
+    SearchOptions,
     SearchQuery,
 )
 from mlivr_gym.planners.refinement import check_fits, refined
@@ -85,18 +88,12 @@ class Planner(OnGraph):
         cost: str = "base",
         *,
         regrasp_price: float | None = None,
-        method: str = "astar",
-        heuristic: str | None = None,
-        inflation: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
         goal_face: str | None = None,
         start_pose: Sequence[Any] | None = None,
         start_joints: Sequence[Any] | Array | None = None,
-        limit: int = EXPANSIONS,
         time_limit: float | None = None,
-        effort: int | None = None,
-        progress: Callable[[int], None] | None = None,
-        failed_joints: Sequence[FailedJoint] = (),
+        options: SearchOptions = DEFAULT_OPTIONS,
     ) -> PlanningResult:
         """Plan from a start stance to a goal position of the base.
 
@@ -111,25 +108,6 @@ class Planner(OnGraph):
             each regrasp).
         regrasp_price
             Price of a regrasp [m], with `cost="weighted"`.
-        method
-            `"astar"` (A*: Hart, Nilsson and Raphael 1968), `"dijkstra"` (the same with heuristic
-            0), `"greedy"` (greedy best-first search) or `"algorithm1"` (A* in plain Python, which
-            is slow, to read and to compare with).
-        heuristic
-            `"relaxed"` (relaxed cost-to-go: the minimum cost if limbs could change their branches
-            at any time; default for two limbs), `"consistent"` (by the distance to the goal;
-            default for more limbs and for `"algorithm1"`), `"paper"` (the same without the
-            tolerance, which may overestimate; default of `"greedy"`) or `"zero"`. Over the node
-            table of more limbs, A* uses the relaxed cost-to-go in place of `"consistent"`.
-        inflation
-            Suboptimality bound w, at least 1: the plan is proved to cost at most w times the
-            minimum. With two limbs and for `"algorithm1"` the search is weighted A*, which orders
-            its queue by `g + w h`; with more limbs it is an anytime search that ends once the
-            bound is proved, in whatever order it expands states (see `searches`). Of no effect for
-            `"greedy"`, and without proof for the heuristic `"paper"`. The default is 1 for two
-            limbs, for `"dijkstra"` and `"algorithm1"`, and with a time limit or an effort;
-            otherwise any plan will do, and the first one is returned. `plan.statistics.bound` is
-            the bound proved.
         goal_tolerance
             Radius of the goal region [m].
         goal_face
@@ -142,23 +120,12 @@ class Planner(OnGraph):
             Joint angles at the start, shape (N, 6) [rad], within 0.02 rad of angles that hold the
             points at that pose, in their joint windows (`Limb.windows`). Each limb then keeps its
             branch until its first regrasp.
-        limit
-            Maximum number of expansions.
         time_limit
             Maximum time in which a plan is sought and improved [s]; the search ends earlier once a
-            plan is proved within `inflation` (by default 1). The plan then depends on the speed of
-            the machine.
-        effort
-            The same as a count that is no faster on another machine: maximum number of expansions,
-            where each check of an edge or a node counts as several, see `PathSearch.effort`.
-        progress
-            Called from time to time with the number of expansions, by `"algorithm1"` and by
-            searches that use no node table, see `searches`.
-        failed_joints
-            Joints that are locked from now on: for each the limb from 0, the joint of its arm from
-            1 and the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as
-            start, are those of the robot before; each failed joint must be at its angle there. The
-            robot of the plan is the one that results; its graph is built in each call.
+            plan is proved within `options.inflation` (by default 1). The plan then depends on the
+            speed of the machine.
+        options
+            How the plan is searched for, and what has failed.
 
         Returns
         -------
@@ -171,23 +138,19 @@ class Planner(OnGraph):
             If an argument cannot be used, for example a point id that does not exist, start points
             too close together or too far apart, or a goal outside the cabin; the message names it.
         """
-        if failed_joints:
-            graph, given = start_with_failed_joints(
-                self.graph, failed_joints, (start, start_pose, start_joints)
+        if options.failed_joints:
+            graph, (points, pose, joints) = start_with_failed_joints(
+                self.graph, options.failed_joints, (start, start_pose, start_joints)
             )
             return Planner(graph).plan(
-                given[0], goal, cost, regrasp_price=regrasp_price, method=method,
-                heuristic=heuristic, inflation=inflation, goal_tolerance=goal_tolerance,
-                goal_face=goal_face, start_pose=given[1], start_joints=given[2], limit=limit,
-                time_limit=time_limit, effort=effort, progress=progress,
+                points, goal, cost, regrasp_price=regrasp_price, goal_tolerance=goal_tolerance,
+                goal_face=goal_face, start_pose=pose, start_joints=joints, time_limit=time_limit,
+                options=replace(options, failed_joints=()),
             )  # fmt: skip
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )
-        search = SearchQuery.from_options(
-            self.graph, target, method=method, heuristic=heuristic, inflation=inflation,
-            limit=limit, progress=progress, time_limit=time_limit, effort=effort,
-        )  # fmt: skip
+        search = SearchQuery.from_options(self.graph, target, options, time_limit)
         timer = Timer()
         self.graph.indices(start.stance if isinstance(start, State) else start)
         try:
@@ -222,7 +185,7 @@ class Planner(OnGraph):
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
         limit = MAX_EXPANSIONS if isinstance(self.graph, TwoLimbGraph) else limit
-        search = SearchQuery.from_options(self.graph, target, limit=limit)
+        search = SearchQuery.from_options(self.graph, target, SearchOptions(limit=limit))
         found = self._searched(search, start_state, Timer())
         if found:
             return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")

@@ -7,20 +7,20 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Reader, Validators
+from mlivr_gym.arguments import NOT_NEGATIVE, SEED, Function, Reader, Validators
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
-from mlivr_gym.planners.failed_joints import FAILED_JOINTS
-from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Tuples
+from mlivr_gym.planners.failed_joints import FAILED_JOINTS, FailedJoint
+from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
@@ -57,14 +57,9 @@ QUERY: Validators = {
     "goal_face": OrNone(NAME),
     "start_pose": Anything(),
     "start_joints": Anything(),
-    "method": Choice(METHODS),
-    "heuristic": OrNone(Reader(_heuristic_name)),
-    "inflation": OrNone(Tuples((), 1.0)),
     "limit": Integer(1, MAX_EXPANSIONS),
     "time_limit": OrNone(NOT_NEGATIVE),
-    "effort": OrNone(Integer(1, MAX_EXPANSIONS)),
     "seed": SEED,
-    "failed_joints": FAILED_JOINTS,
 }
 """Validators of the arguments of a planner; base poses and joint angles are checked by the stance
 graph."""
@@ -128,6 +123,63 @@ class Goal:
 
 
 @dataclass(frozen=True)
+class SearchOptions:
+    """How a plan is searched for.
+
+    Raises a `SettingError` that names a field that cannot be used.
+
+    Examples
+    --------
+    >>> from mlivr_gym.planners import SearchOptions
+    >>> SearchOptions(inflation=1.5).method
+    'astar'
+    """
+
+    method: Annotated[str, Choice(METHODS)] = "astar"
+    """`"astar"` (A*: Hart, Nilsson and Raphael 1968), `"dijkstra"` (the same with heuristic 0),
+    `"greedy"` (greedy best-first search) or `"algorithm1"` (A* in plain Python, which is slow, to
+    read and to compare with)."""
+    heuristic: Annotated[str | None, OrNone(Reader(_heuristic_name))] = None
+    """`"relaxed"` (relaxed cost-to-go: the minimum cost if limbs could change their branches at any
+    time; default for two limbs), `"consistent"` (by the distance to the goal; default for more
+    limbs and for `"algorithm1"`), `"paper"` (the same without the tolerance, which may
+    overestimate; default of `"greedy"`) or `"zero"`. Over the node table of more limbs, A* uses the
+    relaxed cost-to-go in place of `"consistent"`."""
+    inflation: Annotated[float | None, OrNone(Tuples((), 1.0))] = None
+    """Suboptimality bound w, at least 1: the plan is proved to cost at most w times the minimum.
+    With two limbs and for `"algorithm1"` the search is weighted A*, which orders its queue by
+    `g + w h`; with more limbs it is an anytime search that ends once the bound is proved, in
+    whatever order it expands states (see `searches`). Of no effect for `"greedy"`, and without
+    proof for the heuristic `"paper"`. The default is 1 for two limbs, for `"dijkstra"` and
+    `"algorithm1"`, and with a time limit or an effort; otherwise any plan will do, and the first
+    one is returned. `plan.statistics.bound` is the bound proved."""
+    limit: Annotated[int, Integer(1, MAX_EXPANSIONS)] = EXPANSIONS
+    """Maximum number of expansions."""
+    effort: Annotated[int | None, OrNone(Integer(1, MAX_EXPANSIONS))] = None
+    """Limit that is no less on a slow machine, other than a time limit: maximum number of
+    expansions, where each check of an edge or a node counts as several, see `PathSearch.effort`."""
+    progress: Annotated[Callable[[int], None] | None, OrNone(Function())] = None
+    """Called from time to time with the number of expansions, by `"algorithm1"` and by searches
+    that use no node table, see `searches`."""
+    failed_joints: Annotated[Sequence[FailedJoint], FAILED_JOINTS] = ()
+    """Joints that are locked from now on: for each the limb from 0, the joint of its arm from 1 and
+    the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as start, are
+    those of the robot before; each failed joint must be at its angle there. The robot of the plan
+    is the one that results; its graph is built in each call."""
+
+    def __post_init__(self) -> None:
+        """Check and convert all fields."""
+        OPTIONS.check(self, FieldPath("", SettingError))
+
+
+OPTIONS = Struct.of(SearchOptions)
+"""Validator of each field of `SearchOptions`."""
+
+DEFAULT_OPTIONS = SearchOptions()
+"""The options that a query has by default."""
+
+
+@dataclass(frozen=True)
 class SearchQuery:
     """A query of a search: the goal and the search parameters, all defaults resolved."""
 
@@ -162,20 +214,16 @@ class SearchQuery:
         cls,
         graph: StanceGraph,
         goal: Goal,
-        *,
-        method: str = "astar",
-        heuristic: str | None = None,
-        inflation: float | None = None,
-        limit: int = MAX_EXPANSIONS,
-        progress: Callable[[int], None] | None = None,
+        options: SearchOptions = DEFAULT_OPTIONS,
         time_limit: float | None = None,
-        effort: int | None = None,
     ) -> SearchQuery:
-        """Return a query from the options of a user, those of `Planner.plan`.
+        """Return a query from the options of a user, with a time limit [s].
 
         None stands for the default of method and robot. The `SettingError` names an option that
         cannot be used.
         """
+        method, heuristic, inflation = options.method, options.heuristic, options.inflation
+        effort = options.effort
         is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, TwoLimbGraph)
         if method == "dijkstra":
             if heuristic not in (None, "zero"):
@@ -198,7 +246,10 @@ class SearchQuery:
             raise SettingError(f"time_limit is {time_limit!r}; method 'algorithm1' takes none")
         if effort is not None and is_algorithm1:
             raise SettingError(f"effort is {effort!r}; method 'algorithm1' takes none")
-        limit, seconds = min(limit, sys.maxsize), math.inf if time_limit is None else time_limit
+        limit, seconds = (
+            min(options.limit, sys.maxsize),
+            math.inf if time_limit is None else time_limit,
+        )
         is_limited = time_limit is not None or effort is not None
         optimal = two_limbs or is_algorithm1 or method == "dijkstra" or is_limited
         if inflation is None:
@@ -212,7 +263,7 @@ class SearchQuery:
         effort = sys.maxsize if effort is None else min(effort, sys.maxsize)
         start_time = time.perf_counter()
         return cls(
-            goal, method, heuristic, inflation, limit, progress, seconds, effort, anytime,
+            goal, method, heuristic, inflation, limit, options.progress, seconds, effort, anytime,
             start_time, Clock(start_time + seconds),
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.planning_result import too_far
-from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import in_same_world, stance_graph
@@ -113,7 +113,7 @@ def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> b
     except StanceError:
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
-    search = SearchQuery.from_options(graph, step_goal, limit=limit)
+    search = SearchQuery.from_options(graph, step_goal, SearchOptions(limit=limit))
     # Stance sets are not worth building for a single query.
     result = GraphSearcher(graph, build_sets=False).find(search, here)
     return result is not None and result.status == GOAL_REACHED

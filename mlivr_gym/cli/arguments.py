@@ -15,6 +15,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.paper import default_setup
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.costs import HEURISTICS
 from mlivr_gym.planners.query import EXPANSIONS, MAX_EXPANSIONS, METHODS
 from mlivr_gym.robot.specification import ROBOTS
@@ -216,11 +217,12 @@ def controller_option(parser: argparse.ArgumentParser) -> None:
 
 def search_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the arguments of `Planner.plan` other than start, goal and cost."""
-    names = (
-        "goal_face", "start_pose", "start_joints", "method", "heuristic", "inflation", "limit",
-        "time_limit",
-    )  # fmt: skip
-    return {"goal_tolerance": args.tolerance} | {name: getattr(args, name) for name in names}
+    names = "goal_face", "start_pose", "start_joints", "time_limit"
+    options = SearchOptions(
+        method=args.method, heuristic=args.heuristic, inflation=args.inflation, limit=args.limit
+    )
+    given = {name: getattr(args, name) for name in names}
+    return {"goal_tolerance": args.tolerance, "options": options} | given
 
 
 def chosen_map(args: argparse.Namespace) -> GraspMap:

@@ -188,13 +188,12 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
         cost, price = best.cost, best.price
     elif cost in COMPARED_COSTS:
         cost = "steps"
+    given = search_options(args)
     with Progress(expanded, quiet=args.quiet) as progress:
-        result = planner.plan(
-            start, goal, cost, regrasp_price=price, progress=progress.show, **search_options(args)
-        )
+        given["options"] = replace(given["options"], progress=progress.show)
+        result = planner.plan(start, goal, cost, regrasp_price=price, **given)
     if result.reason in PROVED_IMPOSSIBLE:
-        options = search_options(args)
-        query = {name: options[name] for name in ("goal_face", "start_pose", "start_joints")}
+        query = {name: given[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
         found = list(dict.fromkeys([result.message, cause.message]))

@@ -33,7 +33,7 @@ from mlivr_gym.paper import (
     unlimited,
 )
 from mlivr_gym.pictures.plan_figure import plan_figure
-from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.planners import Plan, Planner, SearchOptions
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
@@ -198,8 +198,10 @@ def plan_case(
         CASES[case].cost,
         # The paper's heuristic may overestimate, so that the result depends on the order of
         # expansions: its own search is needed to reproduce it.
-        method="algorithm1" if MODES[mode].heuristic == "paper" else "astar",
-        heuristic=MODES[mode].heuristic,
+        options=SearchOptions(
+            method="algorithm1" if MODES[mode].heuristic == "paper" else "astar",
+            heuristic=MODES[mode].heuristic,
+        ),
         goal_face=setup["goal_face"],
         start_pose=start.pose_for(graph),
     )

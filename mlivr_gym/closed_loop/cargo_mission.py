@@ -24,7 +24,7 @@ from mlivr_gym.collisions.contacts import lies_behind
 from mlivr_gym.errors import NoPlanError, RobotError, SettingError, ShapeError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.query import QUERY
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.model import quaternion_of
@@ -202,7 +202,7 @@ def plan_cargo_mission(
     found, reasons = list[CargoMission](), dict[str, list[str]]()
     graph.add_obstacles([bag])
     try:
-        search = partial(Planner(graph).plan, start, cost=cost, limit=LIMIT)
+        search = partial(Planner(graph).plan, start, cost=cost, options=SearchOptions(limit=LIMIT))
         position = graph.posture(graph.indices(start)).base_position[0]
         around = _goals(graph.grasp_map, graph.robot, handles[0], (position, cargo))
         found_walks: Iterator[Plan] = (
@@ -252,7 +252,8 @@ def _with_limb(
             carrying.occupy(sorted(graph.occupied))
         position, quaternion, joints = walk.configuration(-1)
         search = partial(
-            Planner(carrying).plan, [walk.stances[-1][i] for i in others], cost=cost, limit=LIMIT,
+            Planner(carrying).plan, [walk.stances[-1][i] for i in others], cost=cost,
+            options=SearchOptions(limit=LIMIT),
             start_pose=(position, quaternion), start_joints=joints[others],
         )  # fmt: skip
         for goal in _goals(graph.grasp_map, graph.robot, handles[1], (position, cargo)):

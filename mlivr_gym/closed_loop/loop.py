@@ -30,7 +30,7 @@ from mlivr_gym.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.planners import Plan, Planner, PlanningResult
+from mlivr_gym.planners import Plan, Planner, PlanningResult, SearchOptions
 from mlivr_gym.planners.outcome import LIMIT_REACHED
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
 from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
@@ -167,12 +167,12 @@ def run_closed_loop(
         if graph.limbs == 2 or time_limit is not None:
             inflation = 1.0 if graph.limbs == 2 else INFLATION if patience == 1.0 else ANY_PLAN
             seconds = None if time_limit is None else patience * time_limit
-            return plan(state, inflation=inflation, time_limit=seconds)
+            return plan(state, options=SearchOptions(inflation=inflation), time_limit=seconds)
         if patience == 1.0:
-            found = plan(state, inflation=INFLATION, effort=LITTLE_EFFORT)
+            found = plan(state, options=SearchOptions(inflation=INFLATION, effort=LITTLE_EFFORT))
             if found.reason != LIMIT_REACHED:
                 return found
-        return plan(state, inflation=ANY_PLAN, effort=int(patience * EFFORT))
+        return plan(state, options=SearchOptions(inflation=ANY_PLAN, effort=int(patience * EFFORT)))
 
     def why_none(result: PlanningResult) -> str:
         occupancy = goal_occupancy(graph, goal, goal_tolerance)

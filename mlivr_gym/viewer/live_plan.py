@@ -12,9 +12,9 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.planners.query import EXPANSIONS, GOAL_TOLERANCE
+from mlivr_gym.planners.query import DEFAULT_OPTIONS, GOAL_TOLERANCE
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box
 
@@ -40,11 +40,8 @@ class LiveQuery:
     goal_face: str | None = None
     start_pose: tuple[float, ...] | None = None
     start_joints: Any = None
-    method: str = "astar"
-    heuristic: str | None = None
-    inflation: float | None = None
-    limit: int = EXPANSIONS
     time_limit: float | None = None
+    options: SearchOptions = DEFAULT_OPTIONS
 
     @classmethod
     def of_plan(cls, graph: StanceGraph, plan: Plan) -> LiveQuery:
@@ -55,7 +52,7 @@ class LiveQuery:
             plan.stances[0], query.goal, query.cost_name, query.regrasp_price,
             query.goal_tolerance, query.goal_face,
             graph.given_pose_of(plan.stances[0], position, quaternion),
-            method=query.method,
+            options=SearchOptions(method=query.method),
         )  # fmt: skip
 
 

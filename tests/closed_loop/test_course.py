@@ -6,7 +6,7 @@ import pytest
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.closed_loop.course import PATIENCE, Course
 from mlivr_gym.closed_loop.hit_cubes import CAUTIONS
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 
@@ -45,7 +45,7 @@ def test_what_remains_is_followed_without_a_search_until_it_is_blocked(
     best = planner.plan(START, GOAL, cost)
     start, state = graph.state(START), after_step(graph, best.unwrap())
     rest = planner.plan(state, GOAL, cost).unwrap()
-    worse = planner.plan(state, GOAL, cost, method="greedy")
+    worse = planner.plan(state, GOAL, cost, options=SearchOptions("greedy", "consistent"))
     assert worse.unwrap().cost > rest.cost + 0.01
     course, asked = course_of(best, worse)
     course.replan(start)
@@ -62,7 +62,10 @@ def test_what_remains_is_followed_without_a_search_until_it_is_blocked(
 
 @pytest.mark.parametrize("is_retry", [False, True])
 def test_a_cheaper_plan_replaces_what_remains(graph, planner, course_of, is_retry):
-    best, worse = planner.plan(START, GOAL), planner.plan(START, GOAL, method="greedy")
+    best, worse = (
+        planner.plan(START, GOAL),
+        planner.plan(START, GOAL, options=SearchOptions(method="greedy")),
+    )
     assert best.unwrap().cost < worse.unwrap().cost
     for first, ahead in ((worse, best), (best, worse)):
         course, _ = course_of(first, ahead)
@@ -96,7 +99,7 @@ def test_where_nothing_is_possible_less_is_believed_before_more_effort_is_spent(
 ):
     best = planner.plan(START, GOAL)
     start, state = graph.state(START), after_step(graph, best.unwrap())
-    late = planner.plan(start, GOAL, limit=1)
+    late = planner.plan(start, GOAL, options=SearchOptions(limit=1))
     assert late.plan is None
     course, asked = course_of(best, *[late] * (len(CAUTIONS) + 1))
     course._belief.add_hits(np.array([[6.0, 0.0, 0.0]]), graph.configuration(start))

@@ -15,6 +15,7 @@ from mlivr_gym.compiled.kernels import in_parallel, workers
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners import (
     Planner,
+    SearchOptions,
     backward_search,
     checked_edges,
     fewest_steps,
@@ -46,7 +47,7 @@ def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
         graph.add_obstacles(boxes)
         for cost in ("base", "steps"):
             for heuristic in ("relaxed", "consistent"):
-                Planner(graph).plan(start, goal, cost, heuristic=heuristic)
+                Planner(graph).plan(start, goal, cost, options=SearchOptions(heuristic=heuristic))
             Planner(graph).cost_to_go(goal, cost)
         graph.successors(graph.state(start))
     three, table = small_table(3)

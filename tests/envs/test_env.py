@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from mlivr_gym import Box
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.moves import TableMoves
 
 
@@ -51,8 +51,8 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
     environment.reset(seed=4)
     start, goal = environment.state.stance, environment.goal
     planner = Planner(environment.graph)
-    how = {"method": "greedy"} if robot != "mlivr2" else {}
-    plan = planner.plan(start, goal, reward, **how).unwrap()
+    options = SearchOptions(method="greedy" if robot != "mlivr2" else "astar")
+    plan = planner.plan(start, goal, reward, options=options).unwrap()
     _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
     assert len(plan.steps) > 0
     returns, ended = 0.0, False

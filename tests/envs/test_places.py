@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.motion.plan_checks import check_motion
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.setup import Setup
 
@@ -19,7 +19,7 @@ def short_plan(env):
         observation, info = env.reset(options={"task": task})
         assert observation in env.observation_space
         assert info["action_mask"].any()
-        query = {"cost": "base", "goal_tolerance": env.goal_tolerance, "limit": 2000}
+        query = {"goal_tolerance": env.goal_tolerance, "options": SearchOptions(limit=2000)}
         plan = Planner(env.graph).plan(env.state, env.goal, **query).plan
         if plan is not None and 1 <= len(plan.steps) <= SHORT:
             return plan, info["action_mask"]

@@ -11,7 +11,7 @@ from state_graph import least_cost, reachable, within
 
 from mlivr_gym import Settings, State, stance_graph
 from mlivr_gym.errors import SettingError
-from mlivr_gym.planners import Cost, Planner
+from mlivr_gym.planners import Cost, Planner, SearchOptions
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
 from mlivr_gym.planners.query import Goal
@@ -114,13 +114,17 @@ def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
     several = 0
     for start, end in list(pairwise(stances))[:6]:
         goal = np.clip(graph.posture(end).base_position[0], *small_map.cabin)
-        how = {"regrasp_price": price, "heuristic": "consistent"}
-        ours = planner.plan(start, goal, name, method="algorithm1", **how)
-        other = planner.plan(start, goal, name, inflation=1.0, **how)
+        ours, other = (
+            planner.plan(
+                start, goal, name, regrasp_price=price,
+                options=SearchOptions(heuristic="consistent", **how),
+            )
+            for how in ({"method": "algorithm1"}, {"inflation": 1.0})
+        )  # fmt: skip
         assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
         for inflation in (None, 2.0) if ours else ():
             plan = planner.plan(
-                start, goal, name, regrasp_price=price, inflation=inflation
+                start, goal, name, regrasp_price=price, options=SearchOptions(inflation=inflation)
             ).unwrap()
             bound = plan.statistics.bound or np.inf
             assert ours.plan.cost - 1e-9 <= plan.cost <= bound * ours.plan.cost + 1e-9
@@ -133,21 +137,25 @@ def test_inflation_limit_and_progress(small_graph):
     planner, rng = Planner(small_graph), np.random.default_rng(6)
     start, goal = max(
         (random_query(small_graph, rng) for _ in range(8)),
-        key=lambda query: planner.plan(*query, method="dijkstra").expanded,
+        key=lambda query: planner.plan(*query, options=SearchOptions(method="dijkstra")).expanded,
     )
-    best = planner.plan(start, goal, method="algorithm1", heuristic="zero").unwrap()
-    inflated = planner.plan(start, goal, method="algorithm1", inflation=2.0).unwrap()
+    best = planner.plan(
+        start, goal, options=SearchOptions(method="algorithm1", heuristic="zero")
+    ).unwrap()
+    inflated = planner.plan(
+        start, goal, options=SearchOptions(method="algorithm1", inflation=2.0)
+    ).unwrap()
     assert best.cost - 1e-9 <= inflated.cost <= 2.0 * best.cost + 1e-9
     assert inflated.statistics.expanded < best.statistics.expanded
     seen = []
-    how = {"method": "algorithm1", "heuristic": "zero"}
-    short = planner.plan(start, goal, limit=150, progress=seen.append, **how)
+    options = SearchOptions("algorithm1", "zero", limit=150, progress=seen.append)
+    short = planner.plan(start, goal, options=options)
     assert (short.reason, short.expanded, seen) == ("limit reached", 150, [0, 100])
     state = small_graph.state(start)
     assert algorithm1(small_graph, state, Goal(goal, 0.2, Cost()), limit=1).status == LIMIT_REACHED
 
 
 def test_the_table_of_costs_to_go_is_not_for_it(small_graph):
-    how = {"method": "algorithm1", "heuristic": "relaxed"}
+    options = SearchOptions(method="algorithm1", heuristic="relaxed")
     with pytest.raises(SettingError, match="algorithm1"):
-        Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), **how)
+        Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), options=options)

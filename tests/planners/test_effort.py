@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_tables import small_table_with_box
 
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -23,13 +23,14 @@ def test_what_is_told_is_true_and_does_not_depend_on_the_clock(graph, cost, monk
     for _ in range(3):
         start, other = random_state(graph, rng), random_state(graph, rng)
         goal = graph.posture_of(other).base_position[0]
-        how = {"goal_tolerance": 0.05, "inflation": 1.0}
-        best = Planner(graph).plan(start, goal, cost, **how)
+        how = {"goal_tolerance": 0.05}
+        best = Planner(graph).plan(start, goal, cost, options=SearchOptions(inflation=1.0), **how)
         for effort in (1, 3000, 10**9):
-            found = Planner(graph).plan(start, goal, cost, effort=effort, **how)
+            how["options"] = SearchOptions(inflation=1.0, effort=effort)
+            found = Planner(graph).plan(start, goal, cost, **how)
             with monkeypatch.context() as patch:  # a machine that takes an hour for each look
                 patch.setattr(time, "perf_counter", _hours())
-                again = Planner(graph).plan(start, goal, cost, effort=effort, **how)
+                again = Planner(graph).plan(start, goal, cost, **how)
             assert (found.reason, found.expanded) == (again.reason, again.expanded)
             told.append(found.reason)
             if found.plan is None:

@@ -8,7 +8,7 @@ from wrist_arms import pinocchio_wrist_arm
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import RobotError, SettingError
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.world.boxes import Box
 
 SETTINGS = Settings(limb_threshold=0.03)
@@ -44,7 +44,7 @@ def test_every_posture_of_a_plan_has_the_failed_joints_at_their_angles(iiwas, st
     position, quaternion, moving = iiwas.configuration(state)
     present = every_angle(whole, moving)
     failed = [(limb, joint, float(present[limb][joint - 1])) for limb, joint in joints]
-    options = {"goal_tolerance": 0.3, "failed_joints": failed}
+    options = {"goal_tolerance": 0.3, "options": SearchOptions(failed_joints=failed)}
     plan = Planner(iiwas).plan(state, goal, "steps", **options).unwrap()
     pose = {"start_pose": (*position, *quaternion), "start_joints": moving}
     again = Planner(iiwas).plan(start, goal, "steps", **pose, **options).unwrap()
@@ -67,7 +67,7 @@ def test_every_posture_of_a_plan_has_the_failed_joints_at_their_angles(iiwas, st
 
 def test_obstacles_and_occupied_points_of_the_graph_are_kept(iiwas):
     start, goal, failed = ("D2b:4", "D3a:1"), (2.352, 0.101, -0.299), (0, 3, 0.8)
-    options = {"goal_tolerance": 0.3, "failed_joints": [failed]}
+    options = {"goal_tolerance": 0.3, "options": SearchOptions(failed_joints=[failed])}
     free = Planner(iiwas).plan(start, goal, "steps", **options).unwrap()
     box = Box.between("bag", "obstacle", (2.9, 0.7, -0.1), (3.1, 0.9, 0.1))
     taken = [point for point in free.stances[-1] if point not in start][:1]
@@ -100,5 +100,5 @@ def test_obstacles_and_occupied_points_of_the_graph_are_kept(iiwas):
 def test_what_cannot_be_planned_with_is_refused_in_one_line(iiwas, failed, words):
     state = iiwas.state(("D2a:2", "D3a:6"))
     with pytest.raises((RobotError, SettingError), match=words) as caught:
-        Planner(iiwas).plan(state, (3.0, 0.0, -0.3), failed_joints=failed)
+        Planner(iiwas).plan(state, (3.0, 0.0, -0.3), options=SearchOptions(failed_joints=failed))
     assert "\n" not in str(caught.value)

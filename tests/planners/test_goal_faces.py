@@ -10,7 +10,7 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,10 @@ def test_walks_end_on_the_face_with_the_fewest_steps(corner, robot):
             ends = [s for s in near if face is None or (faces[[*s.stance]] == face).all()]
             fewest[face] = least_cost(net, start, ends)
             for method in ("astar", "algorithm1"):
-                how = {"method": method, "goal_face": face, "inflation": 1.0}
-                found = planner.plan(stance, goal, "steps", goal_tolerance=0.4, **how)
+                options = SearchOptions(method=method, inflation=1.0)
+                found = planner.plan(
+                    stance, goal, "steps", goal_tolerance=0.4, goal_face=face, options=options
+                )
                 assert bool(found) == np.isfinite(fewest[face])
                 if found and face is not None:
                     assert len(found.plan.steps) == fewest[face]

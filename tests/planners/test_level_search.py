@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, stance_graph
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 
@@ -47,7 +47,7 @@ def test_a_start_pose_counts_as_a_step(lazy, full):
 
 def test_limits_of_expansions_and_time_end_it(lazy):
     start, goal = lazy.ids(lazy.points[3].tolist()), lazy.base_position[100]
-    for limits in ({"limit": 1}, {"time_limit": 0.0}):
+    for limits in ({"options": SearchOptions(limit=1)}, {"time_limit": 0.0}):
         found = Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05, **limits)
         assert found.reason == "limit reached"
     assert Planner(lazy).plan(start, goal, "steps", goal_tolerance=0.05)

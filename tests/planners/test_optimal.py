@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import Box, Settings, State, stance_graph
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
 
 COSTS = [("base", None), ("steps", None), ("weighted", 0.2)]
@@ -87,16 +87,18 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
             start, least = truth.states[k], costs[k]
             assert values.value(start) == pytest.approx(least, abs=1e-9)
             for exact in ({}, {"method": "dijkstra"}, {"heuristic": "consistent"}):
-                found = planner.plan(start, goal, name, **exact, **how)
+                found = planner.plan(start, goal, name, options=SearchOptions(**exact), **how)
                 assert bool(found) == np.isfinite(least)
                 if found:
                     assert found.plan.cost == pytest.approx(least, abs=1e-9)
                     assert found.plan.statistics.bound == 1.0
             outcomes.append(bool(found))
             if found:
-                greedy = planner.plan(start, goal, name, method="greedy", **how).unwrap()
-                inflated = {"heuristic": "consistent", "inflation": 1.5}
-                fast = planner.plan(start, goal, name, **inflated, **how).unwrap()
+                greedy = planner.plan(
+                    start, goal, name, options=SearchOptions(method="greedy"), **how
+                ).unwrap()
+                inflated = SearchOptions(heuristic="consistent", inflation=1.5)
+                fast = planner.plan(start, goal, name, options=inflated, **how).unwrap()
                 assert least - 1e-9 <= min(greedy.cost, fast.cost)
                 assert fast.cost <= 1.5 * least + 1e-9
     assert sum(outcomes) > 10

@@ -6,7 +6,7 @@ from time_limit import AGES
 
 from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +20,7 @@ def test_a_time_limit_gives_the_best_plan_so_far(three):
     """With time enough it is the least; each plan on the way is better than the last."""
     rng, planner = np.random.default_rng(1), Planner(three)
     start, goal = sample_task(three, rng, 0.8)
-    least = planner.plan(start.stance, goal, "base", inflation=1.0).unwrap()
+    least = planner.plan(start.stance, goal, "base", options=SearchOptions(inflation=1.0)).unwrap()
     found = planner.plan(start.stance, goal, "base", time_limit=AGES)
     plan = found.unwrap()
     assert plan.cost == pytest.approx(least.cost, abs=1e-9)

@@ -11,6 +11,7 @@ from small_tables import COSTS, every_pair, goal_at, searching, small_table
 from mlivr_gym import Box
 from mlivr_gym.errors import StanceError
 from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
@@ -205,7 +206,7 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
             state = graph.state(start.stance)
             least = optimum(graph, goal, state)
             for kinds in (*optimal, *other):
-                query = SearchQuery.from_options(graph, goal, **kinds)
+                query = SearchQuery.from_options(graph, goal, SearchOptions(**kinds))
                 found = run_search(TableSearch(bounds, query, state))
                 status = None if found is None else found.status
                 assert (status == GOAL_REACHED) == np.isfinite(least), kinds

@@ -12,6 +12,7 @@ from mlivr_gym import Box, Settings, jem_map, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.planners import (
     Planner,
+    SearchOptions,
     backward_search,
     label_search,
     level_search,
@@ -192,7 +193,10 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
         fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
         limit, began = 1e9 if share is None else share * whole, machine.now
         found = Planner(fresh).plan(
-            *given, goal_tolerance=0.05, time_limit=limit, inflation=1.0, method=method
+            *given,
+            goal_tolerance=0.05,
+            time_limit=limit,
+            options=SearchOptions(inflation=1.0, method=method),
         )
         took = machine.now - began
         whole = whole or took
@@ -214,7 +218,8 @@ def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch
         began = machine.now
         Planner(graph).plan(
             start.stance, goal, "steps",
-            start_pose=pose, goal_tolerance=0.05, time_limit=limit, inflation=1.0,
+            start_pose=pose, goal_tolerance=0.05, time_limit=limit,
+            options=SearchOptions(inflation=1.0),
         )  # fmt: skip
         assert machine.now - began <= limit + OVERRUN
     graph.remove_obstacles()

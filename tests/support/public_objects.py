@@ -25,7 +25,7 @@ from mlivr_gym.agents import (
 from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.pictures.rendering import SceneRenderer
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.query import Goal, SearchQuery
@@ -155,7 +155,10 @@ def some_stances(graph):
 def plans_of_three_limbs(graph):
     stances = some_stances(graph)
     goal, planner = graph.posture(stances[-1]).base_position[0].tolist(), Planner(graph)
-    found = [planner.plan(one, goal, goal_tolerance=0.05, inflation=1.0) for one in stances]
+    found = [
+        planner.plan(one, goal, goal_tolerance=0.05, options=SearchOptions(inflation=1.0))
+        for one in stances
+    ]
     costs = [one.plan and (one.plan.statistics.cost, one.plan.statistics.bound) for one in found]
     return graph.table is None, costs, [graph.successors(graph.state(one)) for one in stances]
 

@@ -9,6 +9,7 @@ from time_limit import AGES
 from unequal_robots import unequal
 
 from mlivr_gym import Box, jem_map, stance_graph
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.node_table_build import build
@@ -49,8 +50,8 @@ def small_table_with_box(limbs, half):
 
 def searching(bounds, goal, start, **options):
     """A search over the table of a graph, with a time limit that it does not reach."""
-    given = {"inflation": 1.0, "time_limit": AGES} | options
-    search = SearchQuery.from_options(bounds.graph, goal, **given)
+    given = SearchOptions(**{"inflation": 1.0} | options)
+    search = SearchQuery.from_options(bounds.graph, goal, given, AGES)
     return TableSearch(bounds, search, start)
 
 

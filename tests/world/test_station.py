@@ -5,7 +5,7 @@ import pytest
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.table_build import build_table
@@ -20,7 +20,9 @@ QUERIES = {
 
 def planned(name):
     graph = stance_graph(name)
-    return graph, Planner(graph).plan(*QUERIES[name], "steps", inflation=1.2).unwrap()
+    return graph, Planner(graph).plan(
+        *QUERIES[name], "steps", options=SearchOptions(inflation=1.2)
+    ).unwrap()
 
 
 @pytest.mark.parametrize(("name", "length"), [("columbus", 6.871), ("lab", 8.5), ("node", 7.2)])
@@ -112,7 +114,13 @@ def test_four_limbs_pass_a_hatch_by_steps_that_a_graph_without_a_table_allows():
     start = ("node/aft/0-:3", "node/aft/1+:0", "node/aft/1+:4", "node/aft/0-:4")
     plan = (
         Planner(graph)
-        .plan(start, (1.6, 3.1, 0.1), "steps", goal_tolerance=0.2, inflation=1.0)
+        .plan(
+            start,
+            (1.6, 3.1, 0.1),
+            "steps",
+            goal_tolerance=0.2,
+            options=SearchOptions(inflation=1.0),
+        )
         .unwrap()
     )
     assert plan.statistics.bound == 1.0
