@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.motion.joint_path import PHASES, StepMotion
 from mlivr_gym.motion.plan import Plan
@@ -33,7 +34,6 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.viewer.curves import limb_manipulabilities
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""
@@ -82,7 +82,10 @@ def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
 
 def manipulability(graph: TwoLimbGraph, q: Array) -> float:
     """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
-    return float(limb_manipulabilities(graph.robot, np.tile(q, (1, 2, 1)))[0, 0])
+    frames = link_frames(graph.robot.limb, q)[1:]
+    origins, axes = frames[:, :3, 3], frames[:, :3, 2]
+    jacobian = np.concatenate([np.cross(origins, axes), axes], axis=1).T
+    return limb_manipulability(jacobian, graph.robot.characteristic_length)
 
 
 def angles(graph: TwoLimbGraph, limb: int, position: Array, turn: Array) -> Array:

@@ -13,7 +13,7 @@ from reports import GOAL, START, command_line
 
 from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
-from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
+from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
 from mlivr_gym.viewer.panel import add_panel
 from mlivr_gym.viewer.viewer import Viewer
@@ -34,13 +34,12 @@ DRAWN = 8000
 def main() -> None:
     """Serve the page and write its screenshot."""
     out = command_line(__doc__, out="docs/pictures").parse_args().out
-    live = LivePlan(stance_graph(), LiveQuery(START, GOAL, "steps"))
+    live = LivePlan(stance_graph(), {"start": START, "goal": GOAL, "cost": "steps"})
     live.replan()
     assert live.plan is not None
     live.toggle_occupied(live.plan.steps[0].to_point)
     viewer = Viewer(Page("127.0.0.1", 0, "mlivr-gym"), live)
     add_panel(viewer)
-    viewer.refresh()
     viewer.seek(SHOWN)
     write_whole(out / "viewer.png", picture(viewer.page.address))
     viewer.close()

@@ -26,10 +26,9 @@ from mlivr_gym.extras import require
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.schema import Integer
-from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.viewer.frames import load_recording
-from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
+from mlivr_gym.viewer.frames import Frames, load_frames
+from mlivr_gym.viewer.live_plan import LivePlan, query_of
 
 HOST, PORT = "127.0.0.1", 8080
 """Default address of the page, which this computer alone can reach."""
@@ -62,19 +61,18 @@ def run(args: argparse.Namespace) -> int:
     require("viser", "trimesh", extra="viewer")
     _check(args)
     check_outputs(args.out, inputs=input_files(args))
-    live, recording = _live_plan(args)
+    live, executed = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
         from mlivr_gym.viewer.export import write_html
 
         if live.plan is None:
-            cause = live.cause()
-            raise NoPlanError(f"{live.message}; {cause}" if cause else live.message)
-        size = write_html(args.out, live.graph, live.plan, recording, args.capsules)
+            raise NoPlanError(live.message)
+        size = write_html(args.out, live.graph, live.plan, executed, args.capsules)
         print(f"page: {args.out}, {size / 1e6:.2f} MB")
         args.result |= {"files": [args.out], "bytes": size}
         return SUCCESS
-    return _serve(args, live, recording)
+    return _serve(args, live, executed)
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -87,44 +85,42 @@ def _check(args: argparse.Namespace) -> None:
         refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
 
 
-def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Recording | None]:
-    """Return the live plan, and the recording of its execution if there is one."""
+def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Frames | None]:
+    """Return the live plan, and the frames of its execution if there is one."""
     if args.plan or args.execution:
         folder = Path(args.execution or "")
         file = args.plan or folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
-        recording = load_recording(folder / FILES[1], plan) if args.execution else None
+        executed = load_frames(folder / FILES[1], plan) if args.execution else None
         with Progress("building the stance graph", quiet=args.quiet):
             graph = stance_graph(chosen_map(args), plan.world.robot, plan.world.settings)
             graph.add_obstacles(plan.world.obstacles)
             graph.occupy(plan.world.occupied)
-        return LivePlan(graph, LiveQuery.of_plan(graph, plan), plan), recording
+        return LivePlan(graph, query_of(graph, plan), plan), executed
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
-    (x, y, z), cost, price = goal, args.cost, args.regrasp_price
+    query = {"cost": args.cost, "regrasp_price": args.regrasp_price, **search_options(args)}
     best = best_candidate(Planner(graph), start, goal, args)
     if best is not None:
-        cost, price = best.cost, best.price
-    query = LiveQuery(start, (x, y, z), cost, price, **search_options(args))
-    live = LivePlan(graph, query)
+        query |= {"cost": best.cost, "regrasp_price": best.price}
+    live = LivePlan(graph, {"start": start, "goal": goal, **query})
     with Progress("planning", quiet=args.quiet):
         live.replan()
     return live, None
 
 
-def _serve(args: argparse.Namespace, live: LivePlan, recording: Recording | None) -> int:
+def _serve(args: argparse.Namespace, live: LivePlan, executed: Frames | None) -> int:
     """Serve the page until Ctrl-C."""
     from mlivr_gym.viewer.page import Page
     from mlivr_gym.viewer.panel import add_panel
     from mlivr_gym.viewer.viewer import Viewer
 
     page = Page(args.host, args.port, "mlivr-gym")
-    viewer = Viewer(page, live, recording, capsules=args.capsules)
+    viewer = Viewer(page, live, executed, capsules=args.capsules)
     try:
-        if recording is not None:
+        if executed is not None:
             viewer.speed = 10.0
         add_panel(viewer)
-        viewer.refresh()
         print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)
         viewer.run()
     except KeyboardInterrupt:

@@ -1,13 +1,14 @@
-"""Visual meshes of limbs, which pictures show in place of the collision shapes.
+"""What pictures show of limbs beside or in place of the collision shapes: meshes and rods.
 
-A robot read from a URDF or MJCF file has those of the file, see `robot.visuals`. Meshes ship for
-the UR3e and UR5e. Other arms are drawn by their capsules. Meshes take no part in physics or in
-checks of collisions.
+A robot read from a URDF or MJCF file has the meshes of the file, see `robot.visuals`. Meshes ship
+for the UR3e and UR5e. Other arms are drawn by their capsules, with rods for joints. Neither takes
+part in physics or in checks of collisions.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +19,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.limb_dynamics import arm_of
-from mlivr_gym.robot.model import rgba
+from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import Triple
@@ -32,6 +33,13 @@ COLOURS = {
     "LinkGrey": (0.84, 0.85, 0.87, 1.0),
 }
 """Colours of materials; the lids of the joints, `URBlue`, have the colour of the limb."""
+
+
+JOINT_RADIUS, JOINT_COLOUR = 0.03, (0.44, 0.46, 0.49, 1.0)
+"""Radius [m] and colour of the rods that represent joints between the shapes of the links."""
+
+AXIS_SAMPLES = 41
+"""Number of positions on the axis of a capsule among which the closest is taken."""
 
 
 class LimbMesh(NamedTuple):
@@ -123,12 +131,17 @@ def limb_meshes(robot: RobotSpec, limb: int) -> tuple[LimbMesh, ...]:
     return () if name is None else _arm_meshes(name)
 
 
-def show_meshes(spec: Any, robot: RobotSpec) -> None:
-    """Add the meshes of a robot to a scene, a `mujoco.MjSpec`, and hide the capsules they cover."""
+def show_limbs(spec: Any, robot: RobotSpec, capsules: bool = False) -> None:
+    """Add what pictures show of the limbs of a robot to a scene, a `mujoco.MjSpec`.
+
+    Meshes hide the capsules they cover. Links without meshes, all with `capsules`, have rods for
+    joints, where the collision shapes leave gaps.
+    """
     import mujoco
 
+    unchecked = {"mass": 0, "contype": 0, "conaffinity": 0, "material": "matt"}
     for i in range(robot.limbs):
-        meshes = limb_meshes(robot, i)
+        meshes = () if capsules else limb_meshes(robot, i)
         covered = {body_of(i, mesh.link) for mesh in meshes}
         for geom in spec.geoms:
             if geom.parent.name in covered:
@@ -141,8 +154,35 @@ def show_meshes(spec: Any, robot: RobotSpec) -> None:
             )  # fmt: skip
             spec.body(body_of(i, mesh.link)).add_geom(
                 name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=mesh.colour(i),
-                material="matt", mass=0, contype=0, conaffinity=0,
+                **unchecked,
             )  # fmt: skip
+        for k, (body, joint, end) in enumerate(joint_rods(robot, i)):
+            if body not in covered:
+                spec.body(body).add_geom(
+                    name=f"limb{i}/joint/{k}", type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                    fromto=[*joint, *end], size=[JOINT_RADIUS, 0, 0], rgba=JOINT_COLOUR,
+                    **unchecked,
+                )  # fmt: skip
+
+
+def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]]:
+    """Yield a body and two positions in its frame, shape (3,) [m], for each rod of a limb.
+
+    They are the origin of a joint and the closest position on the axes of the body's capsules; both
+    links that the joint connects have one.
+    """
+    links = {link.name: link for link in limb_links(robot, limb, known_dynamics(robot, limb))}
+    for link in links.values():
+        parent = links.get(link.parent)
+        if parent is None:
+            continue
+        for body, joint in ((parent, link.origin), (link, np.zeros(3))):
+            ends = [np.linspace(shape.start, shape.end, AXIS_SAMPLES) for shape in body.capsules]
+            if ends:
+                axes = np.concatenate(ends)
+                nearest = axes[np.argmin(np.linalg.norm(axes - joint, axis=1))]
+                if np.linalg.norm(nearest - joint) > JOINT_RADIUS:
+                    yield body.name, joint, nearest
 
 
 def body_of(limb: int, link: str) -> str:

@@ -28,6 +28,9 @@ VIEW_NAMES: dict[View, str] = {FROM_ABOVE: "from above", FROM_THE_SIDE: "from th
 VIEW_DIRECTIONS: dict[View, Triple] = {FROM_ABOVE: (0.0, 0.0, 1.0), FROM_THE_SIDE: (0.0, -1.0, 0.0)}
 """Direction of the viewer in each flat view."""
 
+EDGE_COLOUR = "0.6"
+"""Colour of the outlines of shapes in flat views, since the body is nearly white."""
+
 FLAT_SCALE = 0.6
 """Size of markers and lines in flat views, relative to those in space."""
 
@@ -149,7 +152,7 @@ def fill_parts(axes: Any, view: View, parts: Sequence[Part], **style: Any) -> No
     toward: Array = np.array(VIEW_DIRECTIONS[view])
     for part in sorted(parts, key=lambda part: float(part.corners.mean(axis=0) @ toward)):
         edge = outline(part.corners, np.eye(3)[list(view)])
-        colours = {"facecolor": part.colour, "edgecolor": part.colour, "linewidth": 0.3}
+        colours = {"facecolor": part.colour, "edgecolor": EDGE_COLOUR, "linewidth": 0.3}
         axes.fill(*edge.T, **colours | style)
 
 

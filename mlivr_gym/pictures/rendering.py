@@ -247,7 +247,7 @@ class SceneWindow:
                 "render_mode='human' needs a screen, but DISPLAY is not set; "
                 "use render_mode='rgb_array'"
             )
-        from mlivr_gym.pictures.limb_meshes import show_meshes
+        from mlivr_gym.pictures.limb_meshes import show_limbs
         from mlivr_gym.simulation.scene import compile_spec, scene_spec  # isort: skip
 
         try:
@@ -256,7 +256,7 @@ class SceneWindow:
 
             self.obstacles = tuple(obstacles)
             spec = scene_spec(grasp_map, robot, obstacles)
-            show_meshes(spec, robot)
+            show_limbs(spec, robot)
             self.model = compile_spec(spec)
             self.data = mujoco.MjData(self.model)
             self._viewer: Any = mujoco.viewer.launch_passive(self.model, self.data)

@@ -1,30 +1,24 @@
-"""The shapes of the robot in matplotlib: convex, with shaded faces and projected outlines."""
+"""The robot of the MuJoCo scene in matplotlib: its collision shapes and rods, which are convex."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from itertools import pairwise
-from typing import NamedTuple
+from functools import lru_cache
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration, capsule_ends, mount_names
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.pictures.figures import box_corners
-from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.collisions.contacts import Configuration, checked_configuration
+from mlivr_gym.pictures.limb_meshes import show_limbs
+from mlivr_gym.robot.specification import RobotSpec
 
-BODY_COLOUR, MOUNT_COLOUR, GRIPPER_COLOUR, JOINT_COLOUR = "#d8d8de", "#9aa0a6", "#3a3a40", "#70757c"
-"""Colours of body, mounts, grippers and joints; links have two shades of the limb's colour."""
-
-JOINT_RADIUS = 0.025
-"""Radius of the rods that represent the joints between the capsules of the links [m]."""
-
+_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 _LIGHT = np.array([0.35, -0.55, 0.76])
-_ROUND = 14
+
+ROUND = 20
+"""Number of corners round a capsule or a cylinder."""
 
 
 class Part(NamedTuple):
@@ -38,67 +32,52 @@ class Part(NamedTuple):
     """Positions in the world frame whose convex hull it is, shape (k, 3) [m]."""
 
 
-def capsule_corners(ends: Array, radius: float, around: int = _ROUND) -> Array:
-    """Return positions on a capsule, whose convex hull it nearly is, shape (k, 3) [m].
+def geom_corners(model: Any, geom: int) -> Array:
+    """Return positions on a box, capsule or cylinder, whose convex hull it nearly is, (k, 3) [m].
 
-    `ends` are the ends of its axis, shape (2, 3) [m]; it has `around` corners round the axis.
+    `geom` is its index in a `mujoco.MjModel`; positions are in the frame of the geom.
     """
-    along = ends[1] - ends[0]
-    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 4 * max(around // 8, 1) + 1)
-    rise, angle = np.meshgrid(rise, np.linspace(0.0, 2.0 * np.pi, around, endpoint=False))
-    ball = [np.sin(rise), np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle)]
-    # The first right-singular vector is the direction of the axis.
-    ball = np.stack(ball, axis=-1).reshape(-1, 3) @ np.linalg.svd(along[None])[2]
-    ahead = ball @ along
-    halves = zip(ends, (ahead <= 1e-9, ahead >= -1e-9), strict=True)
-    return np.concatenate([end + radius * ball[half] for end, half in halves])
+    import mujoco
+
+    kind, size = model.geom_type[geom], model.geom_size[geom]
+    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+        corners: Array = _SIGNS * size
+        return corners
+    rounded = kind == mujoco.mjtGeom.mjGEOM_CAPSULE
+    rise = np.linspace(0.0, 0.5 * np.pi, 5) if rounded else np.zeros(1)
+    rise, angle = np.meshgrid(rise, np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False))
+    half = np.stack([np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)])
+    half = size[0] * half.reshape(3, -1).T + (0.0, 0.0, size[1])
+    return np.concatenate([half, half * (1.0, 1.0, -1.0)])
+
+
+@lru_cache(maxsize=8)
+def _model(robot: RobotSpec) -> Any:
+    """Return the model of a robot alone, without meshes, which are not convex."""
+    from mlivr_gym.simulation.scene import compile_spec, robot_alone  # imports MuJoCo, hence GL
+
+    spec = robot_alone(robot)
+    show_limbs(spec, robot, capsules=True)
+    return compile_spec(spec)
 
 
 def robot_parts(robot: RobotSpec, configuration: Configuration) -> list[Part]:
     """Return all shapes of a robot in a configuration: body, mounts, links and joints.
 
-    The joints are drawn as rods, which no collision check uses: the collision shapes of the links
-    leave gaps there. Raises a `SettingError` if the configuration does not fit the robot.
+    Raises a `SettingError` if the configuration does not fit the robot.
     """
-    shapes = LimbShapes(robot)
-    position, quaternion, _ = configuration
-    rotation = scipy.spatial.transform.Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
-    size = tuple(shapes.robot["half"].tolist())
-    body = Box("body", "obstacle", tuple(np.array(position).tolist()), size, Box.rows(rotation))
-    parts = [Part("body", BODY_COLOUR, box_corners(body))]
-    for name, mount in zip(mount_names(robot), shapes.mounts, strict=True):
-        ends = mount["ends"] @ rotation.T + position
-        parts.append(Part(name, MOUNT_COLOUR, capsule_corners(ends, float(mount["radius"]))))
-    for i, limb in enumerate(capsule_ends(robot, shapes, configuration)):
-        names, radii = shapes.each[i].names, shapes.each[i].radii
-        for c, link in enumerate(names):
-            name = f"limb{i}/{link}/{names[:c].count(link)}"
-            corners = capsule_corners(limb[c], float(radii[c]))
-            parts.append(Part(name, _link_colour(i, link), corners))
-        middle = position + rotation @ robot.mount_positions[i]
-        parts += _joints(i, [np.stack([middle, middle]), *limb[: len(names)]])
+    from matplotlib.colors import to_hex
+
+    from mlivr_gym.simulation.gl import mujoco
+    from mlivr_gym.simulation.scene import set_configuration
+
+    model, parts = _model(robot), []
+    data = mujoco.MjData(model)
+    set_configuration(model, data, *checked_configuration(robot, configuration))
+    for k in range(model.ngeom):
+        corners = geom_corners(model, k) @ data.geom_xmat[k].reshape(3, 3).T + data.geom_xpos[k]
+        parts.append(Part(model.geom(k).name, str(to_hex(model.geom_rgba[k])), corners))
     return parts
-
-
-def _joints(limb: int, axes: Sequence[Array]) -> list[Part]:
-    """Return the rods that connect the axes of a limb's shapes, shapes (2, 3) [m], in order."""
-    samples = [np.linspace(start, end, 101) for start, end in axes]
-    rods = [capsule_corners(_nearest_pair(*pair), JOINT_RADIUS) for pair in pairwise(samples)]
-    return [Part(f"limb{limb}/joint/{k}", JOINT_COLOUR, rod) for k, rod in enumerate(rods)]
-
-
-def _nearest_pair(first: Array, second: Array) -> Array:
-    """Return the two closest positions of two sets, shapes (k, 3), as rows, shape (2, 3) [m]."""
-    distances = scipy.spatial.distance.cdist(first, second)
-    i, j = np.unravel_index(int(np.argmin(distances)), distances.shape)
-    return np.stack([first[i], second[j]])
-
-
-def _link_colour(limb: int, link: str) -> str:
-    """Return the colour of a link: two shades of the limb's colour alternate, as in the scene."""
-    if link == "gripper":
-        return GRIPPER_COLOUR
-    return LIMB_COLOURS[limb] if LINKS.index(link) % 2 == 0 else pale(LIMB_COLOURS[limb], 0.4)
 
 
 def pale(colour: str, share: float) -> str:

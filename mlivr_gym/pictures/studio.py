@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.limb_meshes import show_meshes
+from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import FACE_GROUPS, scene_spec
@@ -43,8 +43,7 @@ def studio_spec(
     `ShapeError` if two boxes have the same id.
     """
     spec = scene_spec(grasp_map, robot, obstacles)
-    if not capsules:
-        show_meshes(spec, robot)
+    show_limbs(spec, robot, capsules)
     visual = spec.visual
     visual.headlight.ambient, visual.headlight.diffuse = [0.34] * 3, [0.08] * 3
     visual.headlight.specular = [0.0] * 3

@@ -1,7 +1,7 @@
 """The import of MuJoCo, which loads the GL library that the variable `MUJOCO_GL` names.
 
-All modules import MuJoCo from here. An invalid value of the variable is a `SettingError`, a library
-that cannot be loaded a `RenderError`.
+All modules import MuJoCo from here. An invalid value of the variable is a `SettingError`. Without a
+library that can be loaded, scenes are compiled and simulated, and renderers raise `render_error`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,11 @@ ALIASES = {"", "glx", "wgl", "cgl", "enable", "enabled", "on", "true", "1"} | {
 
 
 def render_error(error: Exception) -> RenderError:
-    """Return the error for a GL library that cannot be loaded, from the loader's own error."""
+    """Return the error for a GL library that cannot be loaded, from the loader's own error.
+
+    `error` is that of a renderer; if MuJoCo was imported without the library, its reason counts.
+    """
+    error = _fault or error
     backend = os.environ.get("MUJOCO_GL", "default")
     message = (
         f"MuJoCo cannot render with MUJOCO_GL={backend!r} ({type(error).__name__}: {error}); "
@@ -53,7 +57,13 @@ def forget_context(error: BaseException) -> None:
 _backend = os.environ.get("MUJOCO_GL", "").lower().strip()
 if _backend not in ALIASES:
     Choice(BACKENDS).read(_backend, FieldPath("MUJOCO_GL", SettingError))
+_fault: Exception | None = None
 try:
     import mujoco
 except Exception as error:  # GL loaders raise errors of many kinds
-    raise render_error(error) from None
+    _fault = error
+    given = os.environ.get("MUJOCO_GL")
+    os.environ["MUJOCO_GL"] = "disable"
+    import mujoco
+
+    os.environ["MUJOCO_GL"] = given or ""

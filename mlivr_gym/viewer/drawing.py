@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 from matplotlib.colors import to_rgba, to_rgba_array
 from scipy.spatial.transform import Rotation
 
@@ -16,26 +17,21 @@ from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.route import (
     FOOTHOLD_RADIUS,
+    GOAL_OPACITY,
     PATH_RADIUS,
     STANCE_RADIUS,
     Route,
     plan_base_path,
 )
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.viewer.marks import OCCUPIED_COLOUR, Marks
+from mlivr_gym.simulation.scene import COLOURS
+from mlivr_gym.viewer.marks import Marks
 from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.solids import (
-    Mesh,
-    Scene,
-    cylinder_mesh,
-    merged,
-    mesh_of_box,
-    rod_mesh,
-)
+from mlivr_gym.viewer.solids import Scene
+from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
-POINT_RADIUS, POINT_HEIGHT = 0.028, 0.006
+POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
 """Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""
 
 MARKED_SCALE = 1.8
@@ -44,27 +40,15 @@ MARKED_SCALE = 1.8
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Angles of the initial line of sight [deg]."""
 
-OCCUPIED_RADIUS = 0.035
-"""Radius of the balls at occupied points [m]."""
-
 LABEL_LIFT = 0.09
 """Height of the number of a foothold above its point [m]."""
 
-GHOST_PATH, TREE_COLOUR, OBSTACLE_COLOUR = "#9fc7a5", "#b197fc", "#d95926"
-"""Colours of the previous plan's base path, of explored steps and of obstacles."""
-
-IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
-"""Quaternion of the identity rotation, w, x, y, z."""
+PREVIOUS_COLOUR = "#9fc7a5"
+"""Colour of the previous plan's base path."""
 
 
-def draw_stage(
-    page: Page, grasp_map: GraspMap, scene: Scene, positions: Array, aspect: float
-) -> Array:
-    """Draw lit module, points and robot, seen from where all of some positions (k, 3) [m] are seen.
-
-    Return the position of the camera [m]; `aspect` is the width of the picture divided by its
-    height.
-    """
+def draw_stage(page: Page, grasp_map: GraspMap, scene: Scene) -> None:
+    """Draw module, points and robot, with lamps."""
     page.scene.add_light_ambient("/sky", intensity=1.0)
     for name, strength, position in (
         ("lamp", 1.7, (-2.0, -3.5, 8.0)),  # from above
@@ -73,42 +57,27 @@ def draw_stage(
         page.scene.add_light_directional(
             f"/{name}", intensity=strength, position=position, cast_shadow=False
         )
-    draw_module(page, "module", scene)
+    for folder in ("module", "robot", "handles"):
+        page.clear(folder)
+    for k, solid in enumerate(scene.solids):
+        node = f"module/{solid.face or 'rest'}" if solid.link == "world" else _node(solid.link)
+        if node not in page.nodes:
+            page.clear(node)
+        page.mesh(f"{node}/{k}", solid.mesh, solid.colour)
     draw_points(page, grasp_map)
-    draw_robot(page, "robot", scene)
-    return aim_camera(page, positions, aspect)
 
 
-def draw_query(
-    page: Page, graph: StanceGraph, plan: Plan | None, goal: Array, tolerance: float
-) -> None:
-    """Draw plan, goal region, a ball about a position [m], obstacles and occupied points."""
-    draw_plan(page, "plan", graph.grasp_map, plan)
-    page.mesh("goal", ball_mesh(np.zeros(3), tolerance), to_rgba(GOAL_COLOUR, 0.35), position=goal)
-    page.remove("obstacles")
-    page.frame("obstacles")
-    for k, box in enumerate(graph.obstacles):
-        page.mesh(f"obstacles/{k}", mesh_of_box(box), to_rgba(OBSTACLE_COLOUR, 0.75))
-    page.remove("occupied")
-    if graph.occupied:
-        places = graph.grasp_map.positions[sorted(graph.occupied)]
-        balls = [ball_mesh(position, OCCUPIED_RADIUS) for position in places]
-        page.mesh("occupied", merged(balls), to_rgba(OCCUPIED_COLOUR))
-
-
-def draw_module(page: Page, name: str, scene: Scene) -> None:
-    """Draw racks, walls and rails as descendants of `name`, grouped by face."""
-    page.frame(name)
-    for k, solid in enumerate(scene.surroundings):
-        folder = f"{name}/{solid.face or 'rest'}"
-        if folder not in page:
-            page.frame(folder)
-        page.mesh(f"{folder}/{k}", solid.mesh, solid.colour)
+def draw_world(page: Page, obstacles: Sequence[Box], goal: Array, tolerance: float) -> None:
+    """Draw obstacles and the goal region, a ball about a position [m]."""
+    page.ball("goal", goal, tolerance, to_rgba(GOAL_COLOUR, GOAL_OPACITY))
+    page.clear("obstacles")
+    for k, box in enumerate(obstacles):
+        page.box(f"obstacles/{k}", box, COLOURS[box.kind])
 
 
 def draw_points(page: Page, grasp_map: GraspMap) -> None:
     """Draw the graspable points as nodes `points/FACE`."""
-    disc = cylinder_mesh(POINT_RADIUS, POINT_HEIGHT)
+    disc = trimesh.creation.cylinder(POINT_RADIUS, POINT_HEIGHT, sections=20)
     for face, chosen in points_by_face(grasp_map).items():
         quaternions = Rotation.from_matrix(grasp_map.rotations[chosen]).as_quat(scalar_first=True)
         page.nodes[f"points/{face}"] = page.scene.add_batched_meshes_simple(
@@ -120,6 +89,7 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
             batched_colors=np.zeros((len(chosen), 3), dtype=np.uint8),
             batched_scales=np.ones(len(chosen), dtype=np.float32),
             lod="off",
+            flat_shading=True,
             cast_shadow=False,
             receive_shadow=False,
         )
@@ -144,79 +114,41 @@ def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
     return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
-def draw_robot(page: Page, name: str, scene: Scene) -> None:
-    """Draw the robot with a node for each link."""
-    page.remove(name)
-    page.frame(name)
-    for link in {solid.link for solid in scene.robot}:
-        page.frame(_node(name, link))
-    for k, solid in enumerate(scene.robot):
-        if not solid.covered:
-            page.mesh(f"{_node(name, solid.link)}/shape{k}", solid.mesh, solid.colour)
-
-
-def pose_robot(page: Page, name: str, scene: Scene, configuration: Configuration) -> None:
-    """Move a robot that is drawn to a configuration."""
+def pose_robot(page: Page, scene: Scene, configuration: Configuration) -> None:
+    """Move the robot to a configuration."""
     for link, (position, quaternion) in scene.link_poses(configuration).items():
-        node = page.nodes.get(_node(name, link))
-        if node is not None:
+        if _node(link) in page.nodes:
+            node = page.nodes[_node(link)]
             # In a file, numbers of single precision take less space once they are compressed.
             node.position, node.wxyz = np.float32(position), np.float32(quaternion)
 
 
-def show_collision_shapes(page: Page, name: str, scene: Scene, alone: bool) -> None:
-    """Show the collision shapes of a robot alone, or what is drawn in their place."""
-    for k, solid in enumerate(scene.robot):
-        path = f"{_node(name, solid.link)}/shape{k}"
-        if solid.covered and alone:
-            page.mesh(path, solid.mesh, (*solid.colour[:3], 1.0))
-        elif solid.covered:
-            page.remove(path)
-        elif not solid.checked:
-            page.show(path, not alone)
-
-
-def _node(name: str, link: str) -> str:
+def _node(link: str) -> str:
     """Return the node of a robot's link; none lies below another, since poses are in the world."""
-    return f"{name}/{link.replace('/', '.')}"
+    return f"robot/{link.replace('/', '.')}"
 
 
-def draw_plan(page: Page, name: str, grasp_map: GraspMap, plan: Plan | None) -> None:
-    """Draw base path and footholds of a plan, numbered by stance, or nothing for None."""
-    page.remove(name)
-    page.frame(name)
+def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None, previous: Plan | None) -> None:
+    """Draw base path and footholds of a plan, numbered by stance, and the path of the previous."""
+    page.clear("plan")
+    if previous is not None:
+        path, pale = plan_base_path(previous), to_rgba(PREVIOUS_COLOUR)
+        page.line("plan/previous", path, pale, 1.6 * PATH_RADIUS)
     if plan is None:
         return
-    route = Route.of(grasp_map, plan)
-    page.mesh(f"{name}/path", tube_mesh(route.line, PATH_RADIUS), to_rgba(BASE_COLOUR))
-    balls = [ball_mesh(position, STANCE_RADIUS) for position in route.stances]
-    page.mesh(f"{name}/stances", merged(balls), to_rgba(BASE_COLOUR))
+    route, green = Route.of(grasp_map, plan), to_rgba(BASE_COLOUR)
+    page.line("plan/path", route.line, green, 2.0 * PATH_RADIUS)
+    for k, position in enumerate(route.stances):
+        page.ball(f"plan/stance{k}", position, STANCE_RADIUS, green)
     numbers: dict[tuple[float, ...], list[str]] = {}
-    for limb, colour in enumerate(LIMB_COLOURS[: plan.world.robot.limbs]):
-        held = [hold for hold in route.footholds if hold.limb == limb]
-        marks = merged([ball_mesh(hold.position, FOOTHOLD_RADIUS) for hold in held])
-        page.mesh(f"{name}/footholds{limb}", marks, to_rgba(colour))
-        for hold in held:
-            numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
-    for k, (position, stances) in enumerate(numbers.items()):
-        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(position), axis=1))
-        above = np.array(position) + LABEL_LIFT * grasp_map.normals[point]
-        page.label(f"{name}/number{k}", ", ".join(stances), above)
-
-
-def draw_pale_path(page: Page, name: str, plan: Plan | None) -> None:
-    """Draw the base path of a plan pale, or nothing for None."""
-    page.remove(name)
-    if plan is not None and len(plan.stances) > 1:
-        page.mesh(name, tube_mesh(plan_base_path(plan), 0.8 * PATH_RADIUS), to_rgba(GHOST_PATH))
-
-
-def draw_tree(page: Page, tree: Array) -> None:
-    """Draw explored steps by the base positions at their ends, shape (e, 2, 3) [m]."""
-    page.remove("tree")
-    if len(tree):
-        colour = tuple(round(255 * part) for part in to_rgba(TREE_COLOUR)[:3])
-        page.nodes["tree"] = page.scene.add_line_segments("/tree", tree, colour, thickness=0.006)
+    for k, hold in enumerate(route.footholds):
+        colour = to_rgba(LIMB_COLOURS[hold.limb])
+        page.ball(f"plan/foothold{k}", hold.position, FOOTHOLD_RADIUS, colour)
+        numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
+    for k, (place, stances) in enumerate(numbers.items()):
+        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(place), axis=1))
+        above = np.array(place) + LABEL_LIFT * grasp_map.normals[point]
+        page.label(f"plan/number{k}", ", ".join(stances), above)
 
 
 def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
@@ -238,22 +170,10 @@ def aim_camera(page: Page, positions: Array, aspect: float) -> Array:
     return eye
 
 
-def hidden_faces(grasp_map: GraspMap, eye: Array) -> set[str]:
-    """Return the faces that a camera at `eye` [m] sees from behind, so that they hide the rest."""
-    hidden = set()
+def hide_walls(page: Page, grasp_map: GraspMap, eye: Array) -> None:
+    """Hide the walls and points that a camera at `eye` [m] sees from behind."""
     for face, chosen in points_by_face(grasp_map).items():
-        normal = grasp_map.normals[chosen].mean(axis=0)
-        if float((eye - grasp_map.positions[chosen].mean(axis=0)) @ normal) < 0.0:
-            hidden.add(face)
-    return hidden
-
-
-def ball_mesh(position: Array, radius: float) -> Mesh:
-    """Return a ball about a position [m]."""
-    return rod_mesh(position, position, radius)
-
-
-def tube_mesh(line: Array, radius: float) -> Mesh:
-    """Return a tube along a polyline, shape (k, 3) [m], or a ball if it has no length."""
-    pieces = [rod_mesh(a, b, radius) for a, b in pairwise(line) if np.linalg.norm(b - a) > 1e-6]
-    return merged(pieces or [ball_mesh(line[0], radius)])
+        inward = grasp_map.normals[chosen].mean(axis=0)
+        seen = float((eye - grasp_map.positions[chosen].mean(axis=0)) @ inward) >= 0.0
+        page.show(f"module/{face}", seen)
+        page.show(f"points/{face}", seen)

@@ -16,7 +16,6 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
-from mlivr_gym.simulation.recording import Recording
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 STEP_TIME = 5.0
@@ -24,21 +23,6 @@ STEP_TIME = 5.0
 
 FRAME_TIME = 0.05
 """Minimum time between two frames [s]."""
-
-EACH_LIMB = -1
-"""Stands for the number of limbs in a shape."""
-
-SHAPES = {
-    **dict.fromkeys(("base_positions", "module_forces", "module_torques"), (3,)),
-    **dict.fromkeys(("momenta", "angular_momenta"), (3,)),
-    "base_quaternions": (4,),
-    **dict.fromkeys(("joint_positions", "joint_torques"), (EACH_LIMB, 6)),
-    **dict.fromkeys(("grasp_forces", "grasp_torques"), (EACH_LIMB, 3)),
-}
-"""Shape of one sample of each measurement of a recording that is more than a number."""
-
-COUNTED = ("step", "phase", "contacts")
-"""Measurements that are whole numbers."""
 
 AT_REST = len(PHASES)
 """Phase of a frame in which the robot rests in a stance."""
@@ -91,7 +75,8 @@ def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
     try:
         walked = _walked(graph, plan)
     except PlanError:
-        return stance_frames(plan)
+        motion = plan.motion
+        return stance_frames(motion.base_positions, motion.base_quaternions, motion.joint_positions)
     step, phase = walked.step.copy(), walked.phase.copy()
     step[-1], phase[[0, -1]] = len(plan.steps), AT_REST
     bases = walked.base_positions, walked.base_quaternions
@@ -101,7 +86,7 @@ def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
 def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     """Return the trajectory of a plan whose steps all take `STEP_TIME`, regardless of limits."""
     parts = []
-    for index in range(len(plan.steps)):
+    for index in range(max(len(plan.steps), 1)):  # a plan without steps has no joint path
         path = plan.joint_path(index)
         # Accelerations scale with travel over time squared.
         shares = np.sqrt([segment.travel for segment in path.segments[1:-1]])
@@ -111,43 +96,42 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     return reduce(lambda before, after: after.after(before), parts)
 
 
-def stance_frames(plan: Plan) -> Frames:
-    """Return the stances of a plan as frames at intervals of `STEP_TIME`."""
-    motion, number = plan.motion, np.arange(len(plan.stances))
-    bases, resting = (motion.base_positions, motion.base_quaternions), np.full_like(number, AT_REST)
-    times = STEP_TIME * number.astype(np.float64)
-    return Frames(times, number, resting, *bases, motion.joint_positions)
+def stance_frames(positions: Array, quaternions: Array, joints: Array) -> Frames:
+    """Return configurations at rest as frames at intervals of `STEP_TIME`.
+
+    They have shapes (k, 3) [m], (k, 4) and (k, N, 6) [rad].
+    """
+    number = np.arange(len(positions))
+    times, resting = STEP_TIME * number.astype(np.float64), np.full_like(number, AT_REST)
+    return Frames(times, number, resting, positions, quaternions, joints)
 
 
-def recording_frames(recording: Recording) -> Frames:
-    """Return the frames of an execution, at the times of its recording."""
-    shown = {field.name: getattr(recording, field.name) for field in fields(Frames)}
-    return Frames(**shown | {"times": recording.times - recording.times[0]})
-
-
-def load_recording(path: str | Path, plan: Plan) -> Recording:
-    """Read the recording that `mlivr-gym simulate` has written for a plan.
+def load_frames(path: str | Path, plan: Plan) -> Frames:
+    """Read the frames of the execution of a plan that `mlivr-gym simulate` has recorded.
 
     Raises a `PlanError` if the file cannot be read, or belongs to another robot or a longer plan.
     """
     try:
         with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as data:
-            arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Recording)}
+            arrays: dict[str, Any] = {field.name: data[field.name] for field in fields(Frames)}
     except Exception as error:  # NumPy, zipfile and zlib raise errors of many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise PlanError(f"cannot read simulation {str(path)!r}: {reason}") from None
-    count, limbs = arrays["times"].size, plan.world.robot.limbs
     elsewhere = f"simulation {path_shown(path)} does not belong to the plan"
+    ends = {
+        "base_positions": (3,),
+        "base_quaternions": (4,),
+        "joint_positions": (plan.world.robot.limbs, 6),
+    }
     for name, array in arrays.items():
-        shape = (count, *(limbs if size == EACH_LIMB else size for size in SHAPES.get(name, ())))
-        if array.shape != shape:
-            raise PlanError(f"{elsewhere}: {name} has shape {array.shape}, not {shape}")
-        if array.dtype.kind not in ("iu" if name in COUNTED else "f"):
-            raise PlanError(f"{elsewhere}: {name} holds values of type {array.dtype}")
-        if not np.isfinite(array).all() or (name in COUNTED and array.min(initial=0) < 0):
-            raise PlanError(f"{elsewhere}: {name} has a value that is not finite or below 0")
-    if not count or int(arrays["step"].max()) >= len(plan.steps):
+        shape = arrays["times"].size, *ends.get(name, ())
+        kinds = "iu" if name in ("step", "phase") else "f"
+        if array.shape != shape or array.dtype.kind not in kinds or not np.isfinite(array).all():
+            what = f"{array.dtype} of shape {array.shape}"
+            raise PlanError(f"{elsewhere}: {name} is not finite, or {what} instead of {shape}")
+    times, step, phase = (arrays[name] for name in ("times", "step", "phase"))
+    if not times.size or not 0 <= step.min() <= step.max() < len(plan.steps):
         raise PlanError(f"{elsewhere}, which has {len(plan.steps)} steps")
-    if arrays["phase"].max() >= len(PHASES) or (np.diff(arrays["times"]) < 0.0).any():
+    if not 0 <= phase.min() <= phase.max() < len(PHASES) or (np.diff(times) < 0.0).any():
         raise PlanError(f"{elsewhere}: its phases are unknown, or its times are not in order")
-    return Recording(**arrays)
+    return Frames(**arrays | {"times": times - times[0]})

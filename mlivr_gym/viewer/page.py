@@ -12,20 +12,21 @@ import json
 import logging
 import re
 import socket
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from http import HTTPStatus
 from ipaddress import ip_address
 from typing import Any
 
 import numpy as np
 import viser
-import viser.uplot
 import websockets.asyncio.server as websocket_server
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.viewer.solids import Colour, Mesh
+from mlivr_gym.world.boxes import Box
 
 BACKGROUND = (238, 241, 245)
 """Colour of the background, red, green and blue up to 255."""
@@ -75,30 +76,40 @@ class Page:
         self.scene.configure_default_lights(False)
         self.scene.world_axes.visible = False
 
-    def __contains__(self, name: str) -> bool:
-        """Return whether the scene has a node of this name."""
-        return name in self.nodes
-
     # Nodes of the scene.
 
-    def frame(self, name: str, **pose: Array) -> None:
-        """Add an invisible frame as parent of other nodes, with a `position` [m] and `wxyz`."""
-        self.nodes[name] = self.scene.add_frame(f"/{name}", show_axes=False, **pose)
+    def clear(self, name: str) -> None:
+        """Make a node an invisible parent without descendants."""
+        self.remove(name)
+        self.nodes[name] = self.scene.add_frame(f"/{name}", show_axes=False)
 
-    def mesh(self, name: str, mesh: Mesh, colour: Colour, **pose: Array) -> None:
-        """Draw a mesh, translated by a `position` [m]."""
-        opacity = colour[3] if colour[3] < 1.0 else None
+    def mesh(self, name: str, mesh: Mesh, colour: Colour) -> None:
+        """Draw a mesh."""
         self.nodes[name] = self.scene.add_mesh_simple(
-            f"/{name}",
-            mesh.vertices,
-            mesh.faces,
-            color=tuple(round(255 * part) for part in colour[:3]),
-            opacity=opacity,
-            side="double" if opacity else "front",
-            cast_shadow=False,
-            receive_shadow=False,
-            **pose,
+            f"/{name}", mesh.vertices, mesh.faces, **_looks(colour)
         )
+
+    def ball(self, name: str, position: Array, radius: float, colour: Colour) -> None:
+        """Draw a ball about a position [m]."""
+        self.nodes[name] = self.scene.add_icosphere(
+            f"/{name}", radius, position=position, **_looks(colour)
+        )
+
+    def box(self, name: str, box: Box, colour: Colour) -> None:
+        """Draw a box."""
+        turn = Rotation.from_matrix(box.rotation).as_quat(scalar_first=True)
+        self.nodes[name] = self.scene.add_box(
+            f"/{name}", dimensions=2.0 * np.array(box.half), wxyz=turn, position=box.centre,
+            **_looks(colour),
+        )  # fmt: skip
+
+    def line(self, name: str, positions: Array, colour: Colour, thickness: float) -> None:
+        """Draw a polyline, shape (k, 3) [m], of a thickness [m]; nothing if it has no length."""
+        pieces = np.stack([positions[:-1], positions[1:]], axis=1)
+        if len(pieces):
+            self.nodes[name] = self.scene.add_line_segments(
+                f"/{name}", pieces, _looks(colour)["color"], thickness=thickness
+            )
 
     def label(self, name: str, text: str, position: Array) -> None:
         """Write a text at a position [m], in front of everything else."""
@@ -128,11 +139,11 @@ class Page:
 
     def remove(self, name: str) -> None:
         """Remove a node, if it exists, with its descendants."""
-        names = [key for key in self.nodes if key == name or key.startswith(f"{name}/")]
-        removed = {key: self.nodes.pop(key) for key in sorted(names)}
-        for key, node in removed.items():
-            if not any(key.startswith(f"{parent}/") for parent in removed):
-                node.remove()
+        if name in self.nodes:
+            self.nodes[name].remove()
+            below = [key for key in self.nodes if key == name or key.startswith(f"{name}/")]
+            for key in below:
+                del self.nodes[key]
 
     def set_camera(self, position: Array, target: Array) -> None:
         """Set position and target of the camera [m], of open pages and of those opened later."""
@@ -163,45 +174,29 @@ class Page:
         self.items[name] = self.gui.add_markdown(content)
 
     def write(self, name: str, content: str) -> None:
-        """Change a text."""
-        item = self.items[name]
-        if item.content != content:
+        """Change a text, if the page has a panel with it."""
+        item = self.items.get(name)
+        if item is not None and item.content != content:
             item.content = content
 
-    def set_curves(
-        self, name: str, title: str, curves: Sequence[tuple[str, str]], highest: float
-    ) -> None:
-        """Set title, and label and colour of each curve of a plot, whose data are set later.
-
-        The axis of values runs from 0 to `highest`; a plot without curves is hidden.
-        """
-        item = self.items[name]
-        item.visible = bool(curves)
-        series: list[viser.uplot.Series] = [{"label": "s"}]
-        for label, colour in curves:
-            series.append(
-                {"label": label, "stroke": colour, "width": 1.5, "points": {"show": False}}
-            )
-        item.title, item.series = title, tuple(series)
-        item.data = tuple(np.zeros(2) for _ in series)
-        item.axes = ({}, {"size": 45})
-        item.scales = {"x": {"time": False}, "y": {"range": (0.0, highest)}}
-        item.legend = {"live": False}
+    def move_slider(self, time: float, duration: float) -> None:
+        """Show a time [s] of a duration on the slider, if the page has a panel."""
+        if "time" in self.items:
+            self.items["time"].max = max(duration, 0.1)
+            self.items["time"].value = round(time, 2)
 
     # Export.
 
-    def record(
-        self, frames: Sequence[int], period: float, draw: Callable[[int], None], title: str
-    ) -> str:
+    def record(self, times: Array, period: float, draw: Callable[[float], None], title: str) -> str:
         """Return the page as HTML that plays without a server, with a title on top and on its tab.
 
-        `draw` is called with each of the frames in order, which are `period` apart [s].
+        `draw` is called with each of the times in order; the pictures are `period` apart [s].
         """
-        draw(frames[0])
+        draw(float(times[0]))
         recorder = self.server.get_scene_serializer()
-        for frame in frames[1:]:
+        for time in times[1:].tolist():
             recorder.insert_sleep(period)
-            draw(frame)
+            draw(time)
         recorder.insert_sleep(END)
         page: str = recorder.as_html()
         text = html.escape(title)
@@ -217,6 +212,18 @@ class Page:
         """Stop the server."""
         with _silence():
             self.server.stop()
+
+
+def _looks(colour: Colour) -> dict[str, Any]:
+    """Return colour and opacity as arguments of the library; nothing casts a shadow."""
+    r, g, b, opacity = colour
+    return {
+        "color": (round(255 * r), round(255 * g), round(255 * b)),
+        "opacity": opacity if opacity < 1.0 else None,
+        "side": "double" if opacity < 1.0 else "front",
+        "cast_shadow": False,
+        "receive_shadow": False,
+    }
 
 
 @contextlib.contextmanager

@@ -10,16 +10,7 @@ from mlivr_gym.motion.plan_parts import COSTS
 from mlivr_gym.planners.costs import HIGHEST_PRICE
 from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer.live_plan import PRICE
-from mlivr_gym.viewer.viewer import (
-    AIM,
-    BLOCK,
-    EXPLAIN,
-    PLAIN,
-    PLOTS,
-    REACH,
-    WHY,
-    Viewer,
-)
+from mlivr_gym.viewer.viewer import AIM, BLOCK, EXPLAIN, Viewer
 
 SPEEDS = ("0.25x", "0.5x", "1x", "2x", "5x", "10x", "20x")
 """Speeds to choose from, relative to the time of the frames."""
@@ -37,26 +28,26 @@ def add_panel(viewer: Viewer) -> None:
     with page.gui.add_folder("Change"):
         _add_changing(viewer)
     with page.gui.add_folder("Show"):
-        _add_showing(viewer)
+        reach = page.gui.add_checkbox("points within reach", False)
+        page.item("reach", reach, viewer.show_reach)
+        page.text("legend")
     for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
             lambda event, points=points: viewer.clicked(int(points[event.instance_index]))
         )
-    goal = np.array(viewer.live.query.goal)
-    page.gizmo(AIM, goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
+    page.gizmo(AIM, viewer.live.goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
     page.server.on_client_connect(
         lambda client: client.camera.on_update(
             lambda camera: viewer.hide_walls_from(np.array(camera.position))
         )
     )
+    viewer.refresh()
 
 
 def _add_playing(viewer: Viewer) -> None:
-    """Add scrubber, buttons, speed and plots."""
+    """Add scrubber, buttons and speed."""
     page, gui = viewer.page, viewer.page.gui
-    page.text("where")
-    duration = max(viewer.frames.duration, 0.1)
-    page.item("time", gui.add_slider("time [s]", 0.0, duration, 0.01, 0.0), viewer.scrub)
+    page.item("time", gui.add_slider("time [s]", 0.0, 0.1, 0.01, 0.0), viewer.scrub)
     actions: dict[str, Callable[[], None]] = {
         BACK: lambda: viewer.jump(-1),
         PLAY: viewer.toggle,
@@ -66,21 +57,19 @@ def _add_playing(viewer: Viewer) -> None:
     buttons.on_click(lambda event: actions[str(event.target.value)]())
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
     page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
-    no_data = (np.zeros(2), np.zeros(2))
-    for name in PLOTS:
-        page.items[name] = gui.add_uplot(no_data, ({}, {}), height=150, visible=False)
 
 
 def _add_changing(viewer: Viewer) -> None:
     """Add the items that change query and obstacles."""
     page, gui, live = viewer.page, viewer.page.gui, viewer.live
     starts = [f"start of limb {limb}" for limb in range(live.graph.limbs)]
-    click = ("a click on a point", (EXPLAIN, BLOCK, *starts))
-    clicks = gui.add_dropdown(*click, initial_value=viewer.click)
+    clicks = gui.add_dropdown(
+        "a click on a point", (EXPLAIN, BLOCK, *starts), initial_value=viewer.click
+    )
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.text("explanation")
-    cost = gui.add_dropdown("cost", COSTS, initial_value=live.query.cost)
-    first_price = live.query.regrasp_price or PRICE
+    cost = gui.add_dropdown("cost", COSTS, initial_value=live.cost)
+    first_price = live.query.get("regrasp_price") or PRICE
     price = gui.add_number("regrasp price [m]", first_price, min=0.0, max=HIGHEST_PRICE, step=0.01)
 
     def set_cost(_: object) -> None:
@@ -89,27 +78,7 @@ def _add_changing(viewer: Viewer) -> None:
 
     page.item("cost", cost, set_cost)
     page.item("price", price, set_cost)
-    price.disabled = live.query.cost != "weighted"
+    price.disabled = live.cost != "weighted"
     hint = "adds a box on the base path; drag it by its arrows"
     gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
     gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())
-
-
-def _add_showing(viewer: Viewer) -> None:
-    """Add the items that choose what is shown."""
-    page, gui, graph = viewer.page, viewer.page.gui, viewer.live.graph
-    reasons = [f"{WHY}{limb}" for limb in range(graph.limbs)]
-    choices = (PLAIN, REACH, *reasons)
-    points = gui.add_dropdown("colours show", choices, initial_value=PLAIN)
-    page.item("points", points, viewer.set_colouring)
-    page.text("legend")
-
-    def switch(label: str, on: bool, on_change: Callable[[bool], None], hint: str = "") -> None:
-        page.item(label, gui.add_checkbox(label, on, hint=hint or None), on_change)
-
-    switch("explored steps", False, lambda on: viewer.set_visible("tree", on))
-    switch("path and footholds", True, lambda on: viewer.set_visible("plan", on))
-    switch("previous plan, pale", True, lambda on: viewer.set_visible("ghost", on))
-    hint = "hide meshes and rods, which are not checked for collisions"
-    switch("collision shapes only", False, viewer.show_collision_shapes, hint)
-    switch("hide walls in front", True, viewer.set_walls_hidden)

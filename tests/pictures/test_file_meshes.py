@@ -7,7 +7,7 @@ import trimesh
 from robot_texts import IIWA14, one_arm
 
 from mlivr_gym import RobotSpec
-from mlivr_gym.pictures.limb_meshes import limb_meshes, show_meshes
+from mlivr_gym.pictures.limb_meshes import limb_meshes, show_limbs
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
@@ -69,7 +69,7 @@ def test_meshes_are_where_the_file_has_them(folder, held):
     options = {"held_joint": f"joint{held[0]}", "held_angle": held[1], "capsules": "ur5e"}
     file, robot = read_robot(path, **options), RobotSpec.from_urdf(path, **options)
     spec = robot_alone(robot)
-    show_meshes(spec, robot)
+    show_limbs(spec, robot)
     model = compile_spec(spec)
     data, angles = mujoco.MjData(model), np.random.default_rng(0).uniform(-2.0, 2.0, 6)
     data.qpos[3] = 1.0

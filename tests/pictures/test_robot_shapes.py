@@ -2,18 +2,15 @@
 
 from itertools import pairwise, product
 
+import mujoco
 import numpy as np
 import pytest
 
-from mlivr_gym.pictures.robot_shapes import (
-    JOINT_RADIUS,
-    Part,
-    capsule_corners,
-    outline,
-    robot_parts,
-    shaded_faces,
-)
+from mlivr_gym.pictures.limb_meshes import JOINT_RADIUS
+from mlivr_gym.pictures.robot_shapes import Part, geom_corners, outline, robot_parts, shaded_faces
+from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
 
 
 def configurations(limbs, count=4):
@@ -34,22 +31,29 @@ def axis_distances(places, ends):
     return np.linalg.norm(places - ends[0] - share[:, None] * along, axis=1)
 
 
-@pytest.mark.parametrize("length", [0.0, 0.3])
-def test_the_corners_of_a_capsule_lie_on_it_all_round(length):
-    ends = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, 0.3]])
-    ends[1] += length * np.array([2.0, -1.0, 2.0]) / 3.0
-    places = capsule_corners(ends, 0.05, 40)
-    np.testing.assert_allclose(axis_distances(places, ends), 0.05, atol=1e-12)
-    along = np.array([2.0, -1.0, 2.0]) / 3.0
-    assert np.ptp(places @ along) == pytest.approx(length + 0.1, abs=1e-3)
+def corners_of(shape, size):
+    text = f'<mujoco><worldbody><geom type="{shape}" size="{size}"/></worldbody></mujoco>'
+    return geom_corners(mujoco.MjModel.from_xml_string(text), 0)
 
 
-def test_the_outline_of_a_capsule_has_its_area():
-    ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.4, 0.0]])
-    edge = outline(capsule_corners(ends, 0.06, 96), np.eye(3)[[0, 1]])
-    x, y = edge.T
-    area = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-    assert area == pytest.approx(np.pi * 0.06**2 + 0.12 * 0.4, rel=2e-3)
+def test_the_corners_of_a_capsule_lie_on_it_all_round():
+    corners, ends = corners_of("capsule", "0.05 0.15"), np.array([[0, 0, -0.15], [0, 0, 0.15]])
+    np.testing.assert_allclose(axis_distances(corners, ends), 0.05, atol=1e-12)
+    assert np.ptp(corners[:, 2]) == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(
+    ("shape", "size", "area"),
+    [
+        ("capsule", "0.06 0.2", np.pi * 0.06**2 + 0.12 * 0.4),
+        ("cylinder", "0.06 0.2", 0.12 * 0.4),
+        ("box", "0.1 0.2 0.3", 0.2 * 0.6),
+    ],
+)
+def test_the_outline_of_a_shape_has_its_area(shape, size, area):
+    x, y = outline(corners_of(shape, size), np.eye(3)[[0, 2]]).T
+    found = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    assert found == pytest.approx(area, rel=0.03)
 
 
 def test_faces_are_brighter_towards_the_lamp():
@@ -66,10 +70,6 @@ def test_faces_are_brighter_towards_the_lamp():
 @pytest.mark.parametrize("name", ["mlivr2", "mlivr3"])
 def test_parts_are_where_mujoco_has_the_shapes_and_rods_join_them(ladder, name):
     """Corners lie on the capsules of MuJoCo; a rod comes as near to the axes of both its links."""
-    import mujoco
-
-    from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
-
     robot = robot_spec(name)
     model = compile_spec(scene_spec(ladder, robot))
     data = mujoco.MjData(model)
@@ -78,7 +78,7 @@ def test_parts_are_where_mujoco_has_the_shapes_and_rods_join_them(ladder, name):
         parts = {p.name: p.corners for p in robot_parts(robot, configuration)}
         named = {model.geom(k).name for k in range(model.ngeom)}
         shapes = {n for n in named if n == "body" or n.startswith("limb")}
-        assert shapes == {n for n in parts if "/joint/" not in n}
+        assert shapes == {n for n in parts if n and "/joint/" not in n}
         axes = {}
         for shape in shapes - {"body"}:
             geom, (radius, half, _) = data.geom(shape), model.geom(shape).size
@@ -87,11 +87,19 @@ def test_parts_are_where_mujoco_has_the_shapes_and_rods_join_them(ladder, name):
             np.testing.assert_allclose(axis_distances(parts[shape], axes[shape]), radius, atol=1e-6)
         corners = parts["body"] - data.geom("body").xpos
         seen = np.abs(corners @ data.geom("body").xmat.reshape(3, 3))
-        np.testing.assert_allclose(seen, 0.5 * robot.body_size, atol=1e-9)
+        np.testing.assert_allclose(seen, np.tile(0.5 * robot.body_edges, (8, 1)), atol=1e-9)
         for limb in range(robot.limbs):
-            links = [n for n in parts if n in axes and n.startswith(f"limb{limb}/")]
-            links = [n for n in links if "/base/" not in n]
-            for k, joined in enumerate(pairwise(links), 1):
-                for link in joined:
-                    away = axis_distances(parts[f"limb{limb}/joint/{k}"], axes[link]).min()
-                    assert away < JOINT_RADIUS + 0.01
+            joints = np.array([data.joint(name).xanchor for name in robot.named_joints[limb]])
+            rods = [corners for n, corners in parts.items() if n.startswith(f"limb{limb}/joint/")]
+            links = [n for n in axes if n.startswith(f"limb{limb}/")]
+            for joint, pair in zip(joints, pairwise(LINKS[:-1]), strict=True):
+                for link in pair:
+                    of_link = [axes[n] for n in links if n.split("/")[1] == link]
+                    apart = min(axis_distances(joint[None], one)[0] for one in of_link)
+                    meets = [
+                        np.linalg.norm(rod - joint, axis=1).min() < JOINT_RADIUS + 1e-6
+                        and min(axis_distances(rod, one).min() for one in of_link)
+                        < JOINT_RADIUS + 0.01
+                        for rod in rods
+                    ]
+                    assert apart <= JOINT_RADIUS + 1e-6 or any(meets)

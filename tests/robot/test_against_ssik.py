@@ -8,7 +8,6 @@ from ssik_arms import apart, read_arm, solutions_of_file, solutions_of_package, 
 from mlivr_gym import RobotSpec
 from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.settings import PATH_FLOOR
-from mlivr_gym.viewer.curves import limb_manipulabilities
 
 ARMS = {
     "Franka Research 3, joint 6": ("fr3", 6),
@@ -56,7 +55,10 @@ def test_arms_without_a_closed_form_have_the_regular_solutions_of_ssik(name):
         ours = solutions_of_package(robot.limb, link_frames(robot.limb, q)[6])
         other = solutions_of_ssik(theirs, None, theirs.fk(file.to_file_angles(q[None])[0]))
         known = file.from_file_angles(other[:, None])[:, 0]
-        w_m = limb_manipulabilities(robot, np.stack([known, known], axis=1))[:, 0]
+        frames = link_frames(robot.limb, known)[:, 1:]
+        turns = frames[..., :3, 2]
+        jacobians = np.concatenate([np.cross(frames[..., :3, 3], turns), turns], axis=2)
+        w_m = np.abs(np.linalg.det(jacobians)) / robot.characteristic_length**3
         useful = known[w_m >= PATH_FLOOR]
         regular, found = regular + len(useful), found + int((apart(useful, ours) < 1e-6).sum())
     assert regular > 30

@@ -1,12 +1,12 @@
 import pytest
 
-from mlivr_gym.viewer.live_plan import LivePlan, LiveQuery
+from mlivr_gym.viewer.live_plan import LivePlan, query_of
 
 
 @pytest.fixture
 def live(checked_graph, walk):
     """A live plan; the world of the graph is put back."""
-    yield LivePlan(checked_graph, LiveQuery.of_plan(checked_graph, walk), walk)
+    yield LivePlan(checked_graph, query_of(checked_graph, walk), walk)
     checked_graph.remove_obstacles()
     checked_graph.vacate()
 
@@ -24,8 +24,7 @@ def scenes_made_once():
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("viewer", "export"):
-            patch.setattr(f"mlivr_gym.viewer.{module}.scene_solids", once)
+        patch.setattr("mlivr_gym.viewer.viewer.scene_solids", once)
         yield
 
 
@@ -48,5 +47,4 @@ def viewer(page, live):
 
     viewer = Viewer(page, live)
     add_panel(viewer)
-    viewer.refresh()
     return viewer

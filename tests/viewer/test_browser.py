@@ -102,7 +102,7 @@ def test_a_blocked_point_is_planned_round(shown, viewer, walk):
 
 def test_a_goal_that_is_dragged_is_planned_to(shown, viewer):
     """Its red arrow points along x, to the right in the picture."""
-    goal = np.array(viewer.live.query.goal)
+    goal = viewer.live.goal
     x, y = pixel(viewer, shown, goal + np.array([0.2, 0.0, 0.0]))
     to, _ = pixel(viewer, shown, goal - np.array([0.6, 0.0, 0.0]))
     shown.mouse.move(x, y)
@@ -112,10 +112,10 @@ def test_a_goal_that_is_dragged_is_planned_to(shown, viewer):
         shown.mouse.move(x + share * (to - x), y)
         time.sleep(0.1)
     shown.mouse.up()
-    until(lambda: viewer.live.query.goal[0] < 5.7)
-    np.testing.assert_allclose(viewer.live.query.goal[1:], goal[1:], atol=1e-6)
+    until(lambda: viewer.live.goal[0] < 5.7)
+    np.testing.assert_allclose(viewer.live.goal[1:], goal[1:], atol=1e-6)
     until(lambda: viewer.live.plan is not None)
-    shown.get_by_text(f"({viewer.live.query.goal[0]:.2f}, 0.00, 0.42)").wait_for(timeout=0)
+    shown.get_by_text(f"({viewer.live.goal[0]:.2f}, 0.00, 0.42)").wait_for(timeout=0)
 
 
 def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):

@@ -9,7 +9,8 @@ from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import export
+from mlivr_gym.viewer import drawing, export
+from mlivr_gym.viewer.frames import load_frames
 
 pytestmark = pytest.mark.usefixtures("scenes_made_once")
 
@@ -28,14 +29,16 @@ def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
 def test_an_execution_shows_what_was_recorded(checked_graph, walk, tmp_path, monkeypatch):
     """Every pose that is drawn is one of the recording, from its first to its last."""
     recording, drawn = recording_of(walk), []
-    pose_robot = export.drawing.pose_robot
+    pose_robot = drawing.pose_robot
 
-    def noted(page, name, scene, configuration):
+    def noted(page, scene, configuration):
         drawn.append(configuration)
-        pose_robot(page, name, scene, configuration)
+        pose_robot(page, scene, configuration)
 
-    monkeypatch.setattr(export.drawing, "pose_robot", noted)
-    export.write_html(tmp_path / "walk.html", checked_graph, walk, recording)
+    monkeypatch.setattr(drawing, "pose_robot", noted)
+    np.savez(tmp_path / "simulation.npz", **recording.arrays())
+    frames = load_frames(tmp_path / "simulation.npz", walk)
+    export.write_html(tmp_path / "walk.html", checked_graph, walk, frames)
     poses = np.concatenate(
         [recording.base_positions, recording.joint_positions.reshape(len(recording.times), -1)],
         axis=1,
@@ -50,9 +53,9 @@ def test_a_large_scene_has_fewer_pictures(checked_graph, walk, tmp_path, monkeyp
     walk, written = first_steps(walk, 1), []
     recorded = export.Page.record
 
-    def counted(page, frames, *others):
-        written.append(len(frames))
-        return recorded(page, frames, *others)
+    def counted(page, times, *others):
+        written.append(len(times))
+        return recorded(page, times, *others)
 
     monkeypatch.setattr(export.Page, "record", counted)
     whole = export.write_html(tmp_path / "whole.html", checked_graph, walk)

@@ -1,6 +1,6 @@
 """What is played of plans and executions."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -13,10 +13,9 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.viewer.frames import (
     AT_REST,
     STEP_TIME,
-    load_recording,
+    Frames,
+    load_frames,
     plan_frames,
-    recording_frames,
-    stance_frames,
 )
 
 
@@ -41,7 +40,7 @@ def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, m
     assert len(frames) == 5
     assert (frames.phase == AT_REST).all()
     assert [frames.describe(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
-    np.testing.assert_array_equal(frames.joint_positions, stance_frames(walk).joint_positions)
+    np.testing.assert_array_equal(frames.joint_positions, walk.motion.joint_positions)
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +57,7 @@ def test_recording_and_summary_are_saved_together_or_not_at_all(execution, tmp_p
 
 def test_an_execution_is_played_as_it_was_recorded(execution, tmp_path):
     execution.save(tmp_path / "simulation.npz")
-    recording = load_recording(tmp_path / "simulation.npz", execution.plan)
-    frames = recording_frames(recording)
+    frames = load_frames(tmp_path / "simulation.npz", execution.plan)
     assert frames.times[0] == 0.0
     span = execution.recording.times[-1] - execution.recording.times[0]
     assert frames.duration == pytest.approx(span)
@@ -72,20 +70,20 @@ def test_measurements_of_something_else_are_refused(execution, walk, tmp_path):
     execution.save(tmp_path / "simulation.npz")
     (tmp_path / "text.npz").write_text("no archive")
     with pytest.raises(PlanError, match="cannot read simulation"):
-        load_recording(tmp_path / "text.npz", walk)
+        load_frames(tmp_path / "text.npz", walk)
     with pytest.raises(PlanError, match="cannot read simulation"):
-        load_recording(tmp_path / "nowhere.npz", walk)
+        load_frames(tmp_path / "nowhere.npz", walk)
     robot = replace(walk.world.robot, limbs=3)
     other = replace(walk, world=replace(walk.world, robot=robot))
     with pytest.raises(PlanError, match=r"does not belong to the plan: joint_positions"):
-        load_recording(tmp_path / "simulation.npz", other)
+        load_frames(tmp_path / "simulation.npz", other)
     with pytest.raises(PlanError, match="which has 0 steps"):
-        load_recording(tmp_path / "simulation.npz", first_steps(walk, 0))
+        load_frames(tmp_path / "simulation.npz", first_steps(walk, 0))
 
 
 def alter(arrays, rng):
-    """Change one measurement of a recording: its type, its shape, or a value, or leave it out."""
-    name = rng.choice(sorted(arrays))
+    """Change an array that is played: its type, its shape, or a value, or leave it out."""
+    name = rng.choice([field.name for field in fields(Frames)])
     array = arrays[name]
     ways = (
         lambda: array.astype(rng.choice(["f4", "i8", "u1", "U3", "?", "c16", "M8[s]"])),
@@ -124,7 +122,7 @@ def test_an_altered_recording_is_played_or_refused_in_one_line(execution, tmp_pa
             path.write_bytes(changed_word(whole, rng))
 
         def play(path):
-            frames = recording_frames(load_recording(path, execution.plan))
+            frames = load_frames(path, execution.plan)
             assert frames.duration >= 0.0
             assert all(np.isfinite(each).all() for each in frames.arrays().values())
             return [frames.describe(k, execution.plan) for k in range(len(frames))]

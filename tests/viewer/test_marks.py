@@ -13,37 +13,34 @@ def state(checked_graph):
 
 
 def test_reach_is_what_the_successors_are(checked_graph, state):
-    found, steps = marks.reach_marks(checked_graph, state), checked_graph.successors(state)
+    checked_graph.occupy(["D3b:7"])
+    occupied, steps = checked_graph.grasp_map.index("D3b:7"), checked_graph.successors(state)
+    found = marks.point_marks(checked_graph, state)
     for limb in range(2):
         to, others = (set(steps.point[steps.limb == i].tolist()) for i in (limb, 1 - limb))
         for point in range(len(checked_graph.grasp_map)):
             alone = point in to and point not in others
             assert (found.colours[point] == LIMB_COLOURS[limb]) == alone
         assert (LIMB_COLOURS[limb], f"limb {limb}: {len(to)} points") in found.legend
-    assert set(found.points) == set(steps.point.tolist())
+    assert set(found.points) == {occupied, *steps.point.tolist()}
+    for some in (found, marks.point_marks(checked_graph)):
+        assert some.colours[occupied] == marks.OCCUPIED_COLOUR
 
 
 def test_reasons_agree_with_the_graph(checked_graph, state):
-    """Every point has a known reason or none, and none exactly where a step leads."""
+    """Every point has a reason for a limb exactly where no step leads."""
     checked_graph.occupy(["D3b:7"])
     steps = checked_graph.successors(state)
-    for limb in range(2):
-        to = set(steps.point[steps.limb == limb].tolist())
-        for point in range(len(checked_graph.grasp_map)):
-            why = marks.why_not(checked_graph, state, limb, point, steps)
-            assert (why == "") == (point in to)
-            assert why == "" or marks.reason_of(why)
+    for point in range(len(checked_graph.grasp_map)):
+        for limb, told in enumerate(marks.explanations(checked_graph, state, point)):
+            stepped = point in steps.point[steps.limb == limb]
+            assert told.startswith(f"limb {limb}: ")
+            assert told.endswith("can step to this point") == stepped
             after = (*state.stance[:limb], point, *state.stance[limb + 1 :])
-            if why == marks.NO_STEP:
+            if told.endswith(marks.NO_STEP):
                 assert checked_graph.step_to(state, after) is None
-    why = marks.why_not(checked_graph, state, 0, checked_graph.grasp_map.index("D3b:7"), steps)
-    assert marks.reason_of(why) == "is occupied"
-
-
-def test_a_legend_counts_every_point_once(checked_graph, state):
-    found = marks.blocked_marks(checked_graph, state, 1)
-    counts = [int(words.rsplit(": ", 1)[1]) for _, words in found.legend]
-    assert sum(counts) == len(checked_graph.grasp_map)
+    told = marks.explanations(checked_graph, state, checked_graph.grasp_map.index("D3b:7"))
+    assert all("is occupied" in line for line in told)
 
 
 def test_states_follow_a_plan(checked_graph, walk):

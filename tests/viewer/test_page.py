@@ -3,12 +3,14 @@
 import html
 from http.client import HTTPConnection
 
+import numpy as np
 import pytest
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.viewer.solids import box_mesh
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
+
+import trimesh
 
 from mlivr_gym.viewer.page import Page
 
@@ -33,23 +35,24 @@ def test_nothing_is_printed(capsys):
 def test_a_title_is_text_on_an_exported_page(page):
     """Names of robots are part of it, and may be of a file of somebody else."""
     title = r"<script>alert('\1')</script> & \g<0>"
-    content = page.record([0], 0.1, lambda frame: None, title)
+    content = page.record(np.zeros(1), 0.1, lambda time: None, title)
     assert content.count(html.escape(title)) == 2
     assert title not in content
 
 
 def test_what_is_removed_takes_along_what_is_below(page):
-    box = box_mesh((1.0, 1.0, 1.0))
-    page.frame("a")
+    box = trimesh.creation.box((1.0, 1.0, 1.0))
+    page.clear("a")
     page.mesh("a/b", box, (1.0, 0.0, 0.0, 1.0))
     page.mesh("ab", box, (1.0, 0.0, 0.0, 0.5))
     page.remove("a")
-    assert ("a" in page, "a/b" in page, "ab" in page) == (False, False, True)
+    assert ("a" in page.nodes, "a/b" in page.nodes, "ab" in page.nodes) == (False, False, True)
     page.remove("a")
+    page.clear("handles")
     page.mesh("handles/a", box, (1.0, 0.0, 0.0, 1.0))
     handle = page.nodes["handles/a"]
     page.remove("handles")
-    assert "handles/a" not in page
+    assert "handles/a" not in page.nodes
     assert handle._impl.removed  # from the scene, too
 
 

@@ -1,17 +1,13 @@
 """What follows from what people do on the page; nothing is drawn in a browser here."""
 
-import time
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import drawing
 from mlivr_gym.viewer import viewer as viewers
-from mlivr_gym.viewer.frames import STEP_TIME
+from mlivr_gym.viewer.frames import STEP_TIME, load_frames
 from mlivr_gym.viewer.panel import add_panel
 
 
@@ -30,20 +26,14 @@ def index(viewer, point):
     return viewer.live.graph.grasp_map.index(point)
 
 
-def until(true):
-    """Wait for what a thread does, however long that takes; the limit of a test ends it."""
-    while not true():
-        time.sleep(0.05)
-
-
 def test_the_robot_is_where_the_frame_has_it(viewer, walk):
     viewer.seek(2 * STEP_TIME)
     np.testing.assert_allclose(
         node(viewer, "robot/base").position, walk.motion.base_positions[2], atol=1e-6
     )
-    assert "step 3 of 4" in said(viewer, "where")
+    assert "step 3 of 4" in node(viewer, "now").text
     viewer.seek(99.0)
-    assert said(viewer, "where") == "stance 4 of 4"
+    assert node(viewer, "now").text == "stance 4 of 4"
     assert viewer.time == viewer.frames.duration
 
 
@@ -80,10 +70,10 @@ def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
     viewer.clicked(index(viewer, point))
     assert point not in {step.to_point for step in viewer.live.plan.steps}
     assert "(pale)" in said(viewer, "summary")
-    assert "ghost" in viewer.page
-    assert "occupied" in viewer.page
+    assert "plan/previous" in viewer.page.nodes
+    assert "occupied: 1" in said(viewer, "legend")
     viewer.clicked(index(viewer, point))
-    assert "occupied" not in viewer.page
+    assert said(viewer, "legend") == ""
 
 
 def test_a_click_starts_a_limb(viewer):
@@ -104,8 +94,7 @@ def test_why_there_is_no_plan_is_said(viewer):
     viewer.live.graph.occupy(np.flatnonzero((x > 2.9) & (x < 4.6)).tolist())
     viewer.change(viewer.live.replan)
     assert "No plan" in said(viewer, "summary")
-    assert "plan/path" not in viewer.page
-    until(lambda: "cut off by obstacles and occupied points" in said(viewer, "summary"))
+    assert "plan/path" not in viewer.page.nodes
 
 
 def test_what_cannot_be_changed_is_said(viewer):
@@ -116,34 +105,30 @@ def test_what_cannot_be_changed_is_said(viewer):
 def test_a_box_is_added_and_removed(viewer, walk):
     viewer.add_box()
     (box,) = viewer.live.graph.obstacles
-    assert "obstacles/0" in viewer.page
-    assert f"handles/{box.id}" in viewer.page
+    assert "obstacles/0" in viewer.page.nodes
+    assert f"handles/{box.id}" in viewer.page.nodes
     viewer.clear()
     assert not viewer.live.graph.obstacles
-    assert f"handles/{box.id}" not in viewer.page
+    assert f"handles/{box.id}" not in viewer.page.nodes
     assert viewer.live.plan.stances == walk.stances
 
 
 def test_colours_tell_of_the_stance_that_is_shown(viewer):
-    viewer.set_colouring(viewers.REACH)
+    viewer.show_reach(True)
     first = said(viewer, "legend")
     assert "limb 0:" in first
     viewer.seek(2 * STEP_TIME)
     assert said(viewer, "legend") != first
-    viewer.set_colouring(f"{viewers.WHY}1")
-    assert "a step leads there" in said(viewer, "legend")
-    viewer.set_colouring(viewers.PLAIN)
+    viewer.show_reach(False)
     assert said(viewer, "legend") == ""
 
 
-def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
+def test_without_a_plan_no_robot_is_shown(page, live):
     """Not even at first, when there was no other."""
-    live.query = replace(live.query, start=("D2a:4", "O2a:4"))
     live.plan = None
-    live.replan()
+    live.set_start_point(1, "O2a:4")
     viewer = viewers.Viewer(page, live)
     add_panel(viewer)
-    viewer.refresh()
     assert "No plan" in said(viewer, "summary")
     assert not node(viewer, "robot").visible
     viewer.change(lambda: live.set_start_point(1, "D2b:4"))
@@ -152,41 +137,27 @@ def test_a_start_that_cannot_be_held_shows_no_robot(page, live):
 
 
 def test_near_walls_are_left_out(viewer):
-    grasp_map = viewer.live.graph.grasp_map
-    low, high = grasp_map.cabin
-    middle = 0.5 * (low + high)
-    assert drawing.hidden_faces(grasp_map, middle) == set()
-    aft, above = np.array([0.0, 6.0, 0.0]), np.array([0.0, 0.0, 6.0])
-    assert drawing.hidden_faces(grasp_map, middle - aft) == {"forward"}
-    assert drawing.hidden_faces(grasp_map, middle + aft + above) == {"aft", "overhead"}
-    viewer.hide_walls_from(middle + aft)
-    assert not node(viewer, "module/aft").visible
-    assert not node(viewer, "points/aft").visible
-    assert node(viewer, "module/forward").visible
-    viewer.set_walls_hidden(False)
-    assert node(viewer, "module/aft").visible
+    low, high = viewer.live.graph.grasp_map.cabin
+    middle, aft, above = 0.5 * (low + high), np.array([0.0, 6.0, 0.0]), np.array([0.0, 0.0, 6.0])
+    faces = {name for name in viewer.page.nodes if name.startswith("points/")}
+    for eye, hidden in ((middle, set()), (middle - aft, {"forward"}),
+                        (middle + aft + above, {"aft", "overhead"})):  # fmt: skip
+        viewer.hide_walls_from(eye)
+        assert {name for name in faces if not node(viewer, name).visible} == {
+            f"points/{face}" for face in hidden
+        }
+        assert not any(node(viewer, f"module/{face}").visible for face in hidden)
 
 
-def test_switches_stay_as_they_are_when_it_is_planned_anew(viewer):
-    viewer.set_visible("tree", True)
-    viewer.set_visible("plan", False)
-    viewer.change(viewer.live.replan)
-    assert node(viewer, "tree").visible
-    assert not node(viewer, "plan").visible
-
-
-def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk):
+def test_an_execution_is_played_until_it_is_planned_anew(page, live, walk, tmp_path):
     recording = recording_of(walk)
-    viewer = viewers.Viewer(page, live, recording)
+    np.savez(tmp_path / "simulation.npz", **recording.arrays())
+    viewer = viewers.Viewer(page, live, load_frames(tmp_path / "simulation.npz", walk))
     add_panel(viewer)
-    viewer.refresh()
     assert viewer.frames.duration == pytest.approx(200.0)
-    assert page.items["torques"].visible
-    assert page.items["forces"].visible
     viewer.seek(120.0)
     at = np.argmin(np.abs(recording.times - recording.times[0] - 120.0))
     place = node(viewer, "robot/base").position
     assert np.linalg.norm(place - recording.base_positions[at]) < 0.1
     viewer.change(live.replan)
     assert viewer.frames.duration == pytest.approx(4 * STEP_TIME)
-    assert not page.items["torques"].visible
