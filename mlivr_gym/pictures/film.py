@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arguments import FileName, InstanceOf, Reader, Validators, checked
 from mlivr_gym.arrays import IntArray
-from mlivr_gym.collisions.contacts import Configuration, capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.errors import RenderError, path_shown
 from mlivr_gym.files import write_whole
 from mlivr_gym.motion.arguments import ARGUMENTS
@@ -24,6 +23,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot
+from mlivr_gym.pictures.robot_shapes import robot_parts
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Flag, ListOf, OrNone, Tuples
@@ -211,21 +211,17 @@ def film_cameras(
 
     `aspect` is the width of a picture divided by its height.
     """
-    shapes = LimbShapes(robot)
-    around = max(float(limb.radii.max()) for limb in shapes.each)
-    around = max(around, robot.body_radius)
-    bases = [configuration[0] for configuration in configurations]
-    ends = []
-    for base, configuration in zip(bases, configurations, strict=True):
-        places = np.vstack([base, capsule_ends(robot, shapes, configuration).reshape(-1, 3)])
-        ends.append(places[~np.isnan(places[:, 0])])
-    everywhere = np.concatenate(ends)
+    seen = [
+        np.concatenate([part.corners for part in robot_parts(robot, configuration)])
+        for configuration in configurations
+    ]
+    everywhere = np.concatenate(seen)
     _, y, z = (0.5 * (everywhere.min(axis=0) + everywhere.max(axis=0))).tolist()
     cameras = [
         Camera((float(base[0]), y, z), azimuth=AZIMUTH, elevation=ELEVATION).seeing(
-            positions, around, aspect
+            corners, 0.0, aspect
         )
-        for base, positions in zip(bases, ends, strict=True)
+        for (base, *_), corners in zip(configurations, seen, strict=True)
     ]
     farthest = max(camera.distance for camera in cameras)
     return [camera._replace(distance=farthest) for camera in cameras]

@@ -8,21 +8,19 @@ part in physics or in checks of collisions.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.robot.visuals import Visual
-from mlivr_gym.values import Triple
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -34,6 +32,8 @@ COLOURS = {
 }
 """Colours of materials; the lids of the joints, `URBlue`, have the colour of the limb."""
 
+UNCHECKED = {"material": "matt", "mass": 0, "contype": 0, "conaffinity": 0}
+"""Properties of a shape that takes no part in physics or in checks of collisions."""
 
 JOINT_RADIUS, JOINT_COLOUR = 0.03, (0.44, 0.46, 0.49, 1.0)
 """Radius [m] and colour of the rods that represent joints between the shapes of the links."""
@@ -43,22 +43,16 @@ AXIS_SAMPLES = 41
 
 
 class LimbMesh(NamedTuple):
-    """A mesh of one material, fixed to a link of a limb."""
+    """A mesh of one colour, fixed to a link of a limb."""
 
     link: str
     """One of `capsules.LINKS`."""
-    material: str
-    """A key of `COLOURS`, or another name for the colour of the limb."""
-    vertices: Array
-    """Vertices in the frame of the link, shape (v, 3) [m]."""
-    faces: IntArray
-    """Triangles, shape (f, 3)."""
-    tint: tuple[float, float, float, float] | None = None
-    """Colour of a mesh of a file, None for that of the material."""
-
-    def colour(self, limb: int) -> tuple[float, float, float, float]:
-        """Return its colour on a limb."""
-        return self.tint or COLOURS.get(self.material, rgba(LIMB_COLOURS[limb]))
+    colour: tuple[float, float, float, float] | None
+    """Its colour, None for that of the limb."""
+    shape: dict[str, Any]
+    """Arguments of `add_mesh`: vertices and triangles, or a file and its scale."""
+    place: dict[str, Any]
+    """Position and quaternion in the frame of the link, none if they are those of the link."""
 
 
 @cache
@@ -69,49 +63,43 @@ def _arm_meshes(name: str) -> tuple[LimbMesh, ...]:
         return ()
     meshes = []
     with np.load(path) as file:
-        for key in file:
-            link, material, what = key.split("/")
-            if what == "vertices":
-                faces = file[f"{link}/{material}/faces"].astype(np.int64)
-                vertices = STEP * file[key].astype(np.float64)
-                meshes.append(LimbMesh(link, material, vertices, faces))
+        for part in sorted({key.rpartition("/")[0] for key in file}):
+            link, material = part.split("/")
+            shape = {
+                "uservert": (STEP * file[f"{part}/vertices"]).ravel(),
+                "userface": file[f"{part}/faces"].astype(np.int32).ravel(),
+            }
+            meshes.append(LimbMesh(link, COLOURS.get(material), shape, {}))
     return tuple(meshes)
 
 
 @cache
-def _file_mesh(file: str, scale: Triple) -> tuple[Array, IntArray] | None:
-    """Return vertices and faces of a mesh file as MuJoCo reads it, None if it cannot."""
+def _is_read(visual: Visual) -> bool:
+    """Return whether MuJoCo can read a mesh file."""
     import mujoco
 
-    if not Path(file).is_file():
-        return None
     spec = mujoco.MjSpec()
-    spec.add_mesh(
-        name="mesh", file=file, scale=scale, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    )
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", mass=0)
+    spec.add_material(name="matt")
+    _add_mesh(spec, spec.worldbody, "mesh", _mesh_of(visual), (0.0, 0.0, 0.0, 1.0))
     try:
-        model = spec.compile()
+        spec.compile()
     except ValueError:
-        return None
-    # MuJoCo moves the vertices to the axes of inertia.
-    turn = np.empty(9)
-    mujoco.mju_quat2Mat(turn, model.mesh_quat[0])
-    vertices = model.mesh_vert @ turn.reshape(3, 3).T + model.mesh_pos[0]
-    return vertices.astype(np.float64), model.mesh_face.astype(np.int64)
+        return False
+    return True
+
+
+def _mesh_of(visual: Visual) -> LimbMesh:
+    """Return the mesh of a file."""
+    shape = {"file": visual.file, "scale": visual.scale}
+    return LimbMesh(
+        visual.link, visual.colour, shape, {"pos": visual.position, "quat": visual.quaternion}
+    )
 
 
 @cache
 def _meshes_of_files(visuals: tuple[Visual, ...]) -> tuple[LimbMesh, ...]:
     """Return the meshes of files; those that cannot be read are named in one warning."""
-    meshes, missing = [], []
-    for visual in visuals:
-        found = _file_mesh(visual.file, visual.scale)
-        if found is None:
-            missing.append(visual)
-            continue
-        vertices = found[0] @ visual.frame[:3, :3].T + visual.frame[:3, 3]
-        meshes.append(LimbMesh(visual.link, "", vertices, found[1], visual.colour))
+    missing = [visual for visual in visuals if not _is_read(visual)]
     if missing:
         warnings.warn(
             f"{len(missing)} of {len(visuals)} visual meshes are not found or not STL or OBJ, the "
@@ -119,7 +107,7 @@ def _meshes_of_files(visuals: tuple[Visual, ...]) -> tuple[LimbMesh, ...]:
             "drawn by their capsules (folders of package:// names are given with package_dirs)",
             stacklevel=2,
         )
-    return tuple(meshes)
+    return tuple(_mesh_of(visual) for visual in visuals if visual not in missing)
 
 
 def limb_meshes(robot: RobotSpec, limb: int) -> tuple[LimbMesh, ...]:
@@ -139,7 +127,6 @@ def show_limbs(spec: Any, robot: RobotSpec, capsules: bool = False) -> None:
     """
     import mujoco
 
-    unchecked = {"mass": 0, "contype": 0, "conaffinity": 0, "material": "matt"}
     for i in range(robot.limbs):
         meshes = () if capsules else limb_meshes(robot, i)
         covered = {body_of(i, mesh.link) for mesh in meshes}
@@ -147,22 +134,26 @@ def show_limbs(spec: Any, robot: RobotSpec, capsules: bool = False) -> None:
             if geom.parent.name in covered:
                 geom.rgba[3] = 0.0
         for k, mesh in enumerate(meshes):
-            name = f"limb{i}/mesh/{k}"
-            spec.add_mesh(
-                name=name, uservert=mesh.vertices.ravel(), userface=mesh.faces.ravel(),
-                inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
-            )  # fmt: skip
-            spec.body(body_of(i, mesh.link)).add_geom(
-                name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=mesh.colour(i),
-                **unchecked,
-            )  # fmt: skip
+            body, colour = spec.body(body_of(i, mesh.link)), mesh.colour or rgba(LIMB_COLOURS[i])
+            _add_mesh(spec, body, f"limb{i}/mesh/{k}", mesh, colour)
         for k, (body, joint, end) in enumerate(joint_rods(robot, i)):
             if body not in covered:
                 spec.body(body).add_geom(
                     name=f"limb{i}/joint/{k}", type=mujoco.mjtGeom.mjGEOM_CAPSULE,
                     fromto=[*joint, *end], size=[JOINT_RADIUS, 0, 0], rgba=JOINT_COLOUR,
-                    **unchecked,
+                    **UNCHECKED,
                 )  # fmt: skip
+
+
+def _add_mesh(spec: Any, body: Any, name: str, mesh: LimbMesh, colour: Sequence[float]) -> None:
+    """Add a mesh to a body of a scene."""
+    import mujoco
+
+    spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, **mesh.shape)
+    body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, **mesh.place,
+        **UNCHECKED,
+    )  # fmt: skip
 
 
 def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]]:

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
-from mlivr_gym.pictures.camera import Camera
+from mlivr_gym.pictures.camera import FIELD_OF_VIEW, Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.route import (
@@ -23,11 +23,12 @@ from mlivr_gym.pictures.route import (
     Route,
     plan_base_path,
 )
-from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.simulation.scene import COLOURS
+from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.scene import COLOURS, set_configuration
 from mlivr_gym.viewer.marks import Marks
 from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.solids import Scene
+from mlivr_gym.viewer.solids import scene_solids
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -47,8 +48,8 @@ PREVIOUS_COLOUR = "#9fc7a5"
 """Colour of the previous plan's base path."""
 
 
-def draw_stage(page: Page, grasp_map: GraspMap, scene: Scene) -> None:
-    """Draw module, points and robot, with lamps."""
+def draw_stage(page: Page, grasp_map: GraspMap, robot: RobotSpec, capsules: bool) -> mujoco.MjModel:
+    """Draw module, points and robot, with lamps; return the model of module and robot."""
     page.scene.add_light_ambient("/sky", intensity=1.0)
     for name, strength, position in (
         ("lamp", 1.7, (-2.0, -3.5, 8.0)),  # from above
@@ -57,14 +58,17 @@ def draw_stage(page: Page, grasp_map: GraspMap, scene: Scene) -> None:
         page.scene.add_light_directional(
             f"/{name}", intensity=strength, position=position, cast_shadow=False
         )
-    for folder in ("module", "robot", "handles"):
+    model, solids = scene_solids(grasp_map, robot, capsules)
+    folders = {f"module/{face}" for face in ("rest", *grasp_map.faces)}
+    links = {_node(model.body(k).name) for k in range(1, model.nbody)}
+    for folder in ("module", "robot", "handles", *folders, *links):
         page.clear(folder)
-    for k, solid in enumerate(scene.solids):
-        node = f"module/{solid.face or 'rest'}" if solid.link == "world" else _node(solid.link)
-        if node not in page.nodes:
-            page.clear(node)
+    for k, solid in enumerate(solids):
+        wall = f"module/{solid.face or 'rest'}"
+        node = wall if solid.link == "world" else _node(solid.link)
         page.mesh(f"{node}/{k}", solid.mesh, solid.colour)
     draw_points(page, grasp_map)
+    return model
 
 
 def draw_world(page: Page, obstacles: Sequence[Box], goal: Array, tolerance: float) -> None:
@@ -114,13 +118,14 @@ def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
     return {face: np.flatnonzero(faces == face) for face in sorted(set(grasp_map.faces))}
 
 
-def pose_robot(page: Page, scene: Scene, configuration: Configuration) -> None:
-    """Move the robot to a configuration."""
-    for link, (position, quaternion) in scene.link_poses(configuration).items():
-        if _node(link) in page.nodes:
-            node = page.nodes[_node(link)]
-            # In a file, numbers of single precision take less space once they are compressed.
-            node.position, node.wxyz = np.float32(position), np.float32(quaternion)
+def pose_robot(page: Page, model: mujoco.MjModel, configuration: Configuration) -> None:
+    """Move the robot of a model to a configuration."""
+    data = mujoco.MjData(model)
+    set_configuration(model, data, *configuration)
+    for k in range(1, model.nbody):
+        node = page.nodes[_node(model.body(k).name)]
+        # In a file, numbers of single precision take less space once they are compressed.
+        node.position, node.wxyz = np.float32(data.xpos[k]), np.float32(data.xquat[k])
 
 
 def _node(link: str) -> str:
@@ -151,14 +156,8 @@ def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None, previous: Plan
         page.label(f"plan/number{k}", ", ".join(stances), above)
 
 
-def visible_positions(grasp_map: GraspMap, goal: Array, plan: Plan | None) -> Array:
-    """Return the positions that a camera should see: points, goal and stances, shape (k, 3) [m]."""
-    bases = np.zeros((0, 3)) if plan is None else plan.motion.base_positions
-    return np.concatenate([grasp_map.positions, goal[None], bases])
-
-
 def aim_camera(page: Page, positions: Array, aspect: float) -> Array:
-    """Move the camera so that it sees all of some positions (k, 3) [m]; return its position [m].
+    """Set the first camera so that it sees all of some positions (k, 3) [m]; return its place [m].
 
     `aspect` is the width of the picture divided by its height.
     """
@@ -166,7 +165,9 @@ def aim_camera(page: Page, positions: Array, aspect: float) -> Array:
     camera = Camera((x, y, z), azimuth=AZIMUTH, elevation=ELEVATION)
     camera = camera.seeing(positions, MARGIN, aspect)
     eye: Array = np.array(camera.lookat) - camera.distance * camera.axes[2]
-    page.set_camera(eye, np.array(camera.lookat))
+    first = page.server.initial_camera
+    first.up, first.position, first.look_at = (0.0, 0.0, 1.0), eye, np.array(camera.lookat)
+    first.fov = np.deg2rad(FIELD_OF_VIEW)
     return eye
 
 

@@ -16,6 +16,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
+from mlivr_gym.schema import FieldPath, Numbers
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 STEP_TIME = 5.0
@@ -117,21 +118,17 @@ def load_frames(path: str | Path, plan: Plan) -> Frames:
     except Exception as error:  # NumPy, zipfile and zlib raise errors of many kinds
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise PlanError(f"cannot read simulation {str(path)!r}: {reason}") from None
-    elsewhere = f"simulation {path_shown(path)} does not belong to the plan"
-    ends = {
-        "base_positions": (3,),
-        "base_quaternions": (4,),
-        "joint_positions": (plan.world.robot.limbs, 6),
+    place, count = FieldPath(f"simulation {path_shown(path)}", PlanError), arrays["times"].size
+    kinds = {
+        "times": Numbers((count,)),
+        "step": Numbers((count,), 0, len(plan.steps) - 1),
+        "phase": Numbers((count,), 0, len(PHASES) - 1),
+        "base_positions": Numbers((count, 3)),
+        "base_quaternions": Numbers((count, 4)),
+        "joint_positions": Numbers((count, plan.world.robot.limbs, 6)),
     }
-    for name, array in arrays.items():
-        shape = arrays["times"].size, *ends.get(name, ())
-        kinds = "iu" if name in ("step", "phase") else "f"
-        if array.shape != shape or array.dtype.kind not in kinds or not np.isfinite(array).all():
-            what = f"{array.dtype} of shape {array.shape}"
-            raise PlanError(f"{elsewhere}: {name} is not finite, or {what} instead of {shape}")
-    times, step, phase = (arrays[name] for name in ("times", "step", "phase"))
-    if not times.size or not 0 <= step.min() <= step.max() < len(plan.steps):
-        raise PlanError(f"{elsewhere}, which has {len(plan.steps)} steps")
-    if not 0 <= phase.min() <= phase.max() < len(PHASES) or (np.diff(times) < 0.0).any():
-        raise PlanError(f"{elsewhere}: its phases are unknown, or its times are not in order")
-    return Frames(**arrays | {"times": times - times[0]})
+    played = {name: kind.read(arrays[name], place.field(name)) for name, kind in kinds.items()}
+    times, step, phase = (played.pop(name) for name in ("times", "step", "phase"))
+    if not count or (np.diff(times) < 0.0).any():
+        raise PlanError(f"simulation {path_shown(path)} has no times in order")
+    return Frames(times - times[0], step.astype(np.int64), phase.astype(np.int64), **played)

@@ -48,7 +48,8 @@ class LivePlan:
 
     def __init__(self, graph: StanceGraph, query: dict[str, Any], plan: Plan | None = None) -> None:
         """Start with a plan of the query, or without one until `replan` is called."""
-        self.graph, self.query, self.plan = graph, query, plan
+        defaults: dict[str, Any] = {"cost": "base", "goal_tolerance": GOAL_TOLERANCE}
+        self.graph, self.query, self.plan = graph, defaults | query, plan
         self.planner = Planner(graph)
         self.previous: Plan | None = None
         self.message = "" if plan is None else _plan_message(plan)
@@ -61,16 +62,6 @@ class LivePlan:
     def goal(self) -> Array:
         """The goal position, shape (3,) [m]."""
         return np.array(self.query["goal"])
-
-    @property
-    def goal_tolerance(self) -> float:
-        """Radius of the goal region [m]."""
-        return float(self.query.get("goal_tolerance", GOAL_TOLERANCE))
-
-    @property
-    def cost(self) -> str:
-        """Name of the cost."""
-        return str(self.query.get("cost", "base"))
 
     def replan(self, **changes: Any) -> None:
         """Plan anew in the current world, with some other arguments of the query."""
@@ -130,8 +121,8 @@ class LivePlan:
 
     def summary(self) -> str:
         """Summarise the plan in Markdown, or say why none exists."""
-        x, y, z = self.goal
-        query = f"{' '.join(self.query['start'])} → ({x:.2f}, {y:.2f}, {z:.2f}), {self.cost} cost"
+        goal = ", ".join(f"{part:.2f}" for part in self.goal)
+        query = f"{' '.join(self.query['start'])} → ({goal}), {self.query['cost']} cost"
         spent = f"{self.expanded} states expanded, {self.seconds:.2f} s"
         if self.plan is None:
             return f"**No plan:** {self.message}\n\n{query}  \n{spent}"

@@ -24,7 +24,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.viewer.solids import Colour, Mesh
 from mlivr_gym.world.boxes import Box
 
@@ -144,15 +143,6 @@ class Page:
             below = [key for key in self.nodes if key == name or key.startswith(f"{name}/")]
             for key in below:
                 del self.nodes[key]
-
-    def set_camera(self, position: Array, target: Array) -> None:
-        """Set position and target of the camera [m], of open pages and of those opened later."""
-        camera = self.server.initial_camera
-        camera.up, camera.position, camera.look_at = (0.0, 0.0, 1.0), position, target
-        camera.fov = np.deg2rad(FIELD_OF_VIEW)
-        for client in self.server.get_clients().values():
-            with client.atomic():
-                client.camera.position, client.camera.look_at = position, target
 
     # Items of the panel.
 

@@ -68,7 +68,7 @@ def _add_changing(viewer: Viewer) -> None:
     )
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.text("explanation")
-    cost = gui.add_dropdown("cost", COSTS, initial_value=live.cost)
+    cost = gui.add_dropdown("cost", COSTS, initial_value=live.query["cost"])
     first_price = live.query.get("regrasp_price") or PRICE
     price = gui.add_number("regrasp price [m]", first_price, min=0.0, max=HIGHEST_PRICE, step=0.01)
 
@@ -78,7 +78,7 @@ def _add_changing(viewer: Viewer) -> None:
 
     page.item("cost", cost, set_cost)
     page.item("price", price, set_cost)
-    price.disabled = live.cost != "weighted"
+    price.disabled = cost.value != "weighted"
     hint = "adds a box on the base path; drag it by its arrows"
     gui.add_button("Add a box", hint=hint).on_click(lambda _: viewer.add_box())
     gui.add_button("Remove boxes, free all points").on_click(lambda _: viewer.clear())

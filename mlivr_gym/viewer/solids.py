@@ -9,13 +9,11 @@ import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.pictures.robot_shapes import geom_corners
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import compile_spec, scene_spec
 from mlivr_gym.world.boxes import BOX, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -39,26 +37,12 @@ class Solid(NamedTuple):
     """Their triangles in the frame of the link."""
 
 
-class Scene(NamedTuple):
-    """A MuJoCo model, which says where the links of the robot are, and the shapes to be drawn."""
+def scene_solids(
+    grasp_map: GraspMap, robot: RobotSpec, capsules: bool = False
+) -> tuple[mujoco.MjModel, list[Solid]]:
+    """Return the model of a robot in a module, and its shapes that are seen.
 
-    model: mujoco.MjModel
-    """Model of the whole scene."""
-    data: mujoco.MjData
-    """Its configuration."""
-    solids: tuple[Solid, ...]
-    """Shapes of module and robot."""
-
-    def link_poses(self, configuration: Configuration) -> dict[str, tuple[Array, Array]]:
-        """Return position [m] and quaternion w, x, y, z of each link in the world."""
-        set_configuration(self.model, self.data, *configuration)
-        names = [self.model.body(k).name for k in range(1, self.model.nbody)]
-        poses = zip(self.data.xpos[1:].copy(), self.data.xquat[1:].copy(), strict=True)
-        return dict(zip(names, poses, strict=True))
-
-
-def scene_solids(grasp_map: GraspMap, robot: RobotSpec, capsules: bool = False) -> Scene:
-    """Return the scene of a robot in a module; with `capsules`, limbs have no visual meshes.
+    With `capsules`, limbs have no visual meshes.
 
     Raises a `SceneError` if MuJoCo refuses the robot.
     """
@@ -77,10 +61,9 @@ def scene_solids(grasp_map: GraspMap, robot: RobotSpec, capsules: bool = False) 
         pose[:3, 3] = geom.pos
         key = model.body(int(geom.bodyid[0])).name, faces.get(geom.name, ""), (r, g, b, opacity)
         groups[key].append(geom_mesh(model, k).apply_transform(pose))
-    solids = [
+    return model, [
         Solid(*key, cast(Mesh, trimesh.util.concatenate(made))) for key, made in groups.items()
     ]
-    return Scene(model, mujoco.MjData(model), tuple(solids))
 
 
 def geom_mesh(model: mujoco.MjModel, geom: int) -> Mesh:

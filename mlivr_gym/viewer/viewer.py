@@ -18,7 +18,6 @@ from mlivr_gym.viewer import drawing, marks
 from mlivr_gym.viewer.frames import Frames, plan_frames, stance_frames
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.solids import scene_solids
 
 TICK = 0.05
 """Time between two pictures while playing [s]."""
@@ -45,15 +44,14 @@ class Viewer:
     ) -> None:  # fmt: skip
         """Draw the module, the robot and the plan, or the frames of its execution."""
         self.page, self.live, self.executed = page, live, executed
-        self.scene = scene_solids(live.graph.grasp_map, live.graph.robot, capsules)
         self.time, self.playing, self.speed = 0.0, False, 1.0
         self.click, self.reach_shown, self._boxes = EXPLAIN, False, 0
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
-        drawing.draw_stage(page, live.graph.grasp_map, self.scene)
+        grasp_map = live.graph.grasp_map
+        self._model = drawing.draw_stage(page, grasp_map, live.graph.robot, capsules)
         page.label(NOW, "", ABOVE)
-        seen = drawing.visible_positions(live.graph.grasp_map, live.goal, live.plan)
-        self.hide_walls_from(drawing.aim_camera(page, seen, aspect))
+        self.hide_walls_from(drawing.aim_camera(page, grasp_map.positions, aspect))
         self.refresh()
 
     # Changes of the query.
@@ -83,7 +81,7 @@ class Viewer:
                 self._states = marks.states_of(graph, live.plan)
             page.show("robot", live.plan is not None)
             drawing.draw_plan(page, graph.grasp_map, live.plan, live.previous)
-            drawing.draw_world(page, graph.obstacles, live.goal, live.goal_tolerance)
+            drawing.draw_world(page, graph.obstacles, live.goal, live.query["goal_tolerance"])
             if AIM in page.nodes:
                 page.nodes[AIM].position = live.goal
             page.write("summary", live.summary())
@@ -97,7 +95,7 @@ class Viewer:
         with self._lock, self.page.server.atomic():
             self.time = min(max(time, 0.0), self.frames.duration)
             k, label = self.frames.at(self.time), self.page.nodes[NOW]
-            drawing.pose_robot(self.page, self.scene, self.frames.configuration(k))
+            drawing.pose_robot(self.page, self._model, self.frames.configuration(k))
             text = self.frames.describe(k, self.live.plan) if self.live.plan else ""
             label.position = np.float32(self.frames.base_positions[k] + ABOVE)
             if label.text != text:

@@ -23,9 +23,10 @@ def test_links_reach_from_joint_to_joint(name):
     assert {mesh.link for mesh in meshes} == set(LINKS[:-1])
     low, high = {}, {}
     for mesh in meshes:
-        assert mesh.faces.min() >= 0
-        assert mesh.faces.max() < len(mesh.vertices)
-        bounds = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        vertices, faces = mesh.shape["uservert"].reshape(-1, 3), mesh.shape["userface"]
+        assert faces.min() >= 0
+        assert faces.max() < len(vertices)
+        bounds = vertices.min(axis=0), vertices.max(axis=0)
         low[mesh.link] = np.minimum(bounds[0], low.get(mesh.link, np.inf))
         high[mesh.link] = np.maximum(bounds[1], high.get(mesh.link, -np.inf))
     assert low["base"][2] == pytest.approx(0.0, abs=2e-3)

@@ -24,7 +24,7 @@ def scenes_made_once():
         return made[key]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mlivr_gym.viewer.viewer.scene_solids", once)
+        patch.setattr("mlivr_gym.viewer.drawing.scene_solids", once)
         yield
 
 

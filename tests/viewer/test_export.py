@@ -31,9 +31,9 @@ def test_an_execution_shows_what_was_recorded(checked_graph, walk, tmp_path, mon
     recording, drawn = recording_of(walk), []
     pose_robot = drawing.pose_robot
 
-    def noted(page, scene, configuration):
+    def noted(page, model, configuration):
         drawn.append(configuration)
-        pose_robot(page, scene, configuration)
+        pose_robot(page, model, configuration)
 
     monkeypatch.setattr(drawing, "pose_robot", noted)
     np.savez(tmp_path / "simulation.npz", **recording.arrays())

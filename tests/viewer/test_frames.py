@@ -75,9 +75,9 @@ def test_measurements_of_something_else_are_refused(execution, walk, tmp_path):
         load_frames(tmp_path / "nowhere.npz", walk)
     robot = replace(walk.world.robot, limbs=3)
     other = replace(walk, world=replace(walk.world, robot=robot))
-    with pytest.raises(PlanError, match=r"does not belong to the plan: joint_positions"):
+    with pytest.raises(PlanError, match=r"joint_positions has shape"):
         load_frames(tmp_path / "simulation.npz", other)
-    with pytest.raises(PlanError, match="which has 0 steps"):
+    with pytest.raises(PlanError, match=r"step\[0\] is 0"):
         load_frames(tmp_path / "simulation.npz", first_steps(walk, 0))
 
 

@@ -7,39 +7,20 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.pictures.limb_meshes import COLOURS, JOINT_COLOUR
 from mlivr_gym.robot.specification import robot_spec
-from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
+from mlivr_gym.simulation.scene import compile_spec, scene_spec
 
 pytest.importorskip("trimesh", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer.solids import geom_mesh, scene_solids
 
 
-@pytest.mark.parametrize("name", ["mlivr2", "mlivr4"])
-def test_links_are_where_the_whole_scene_has_them(jem, name):
-    robot, rng = robot_spec(name), np.random.default_rng(0)
-    scene, model = scene_solids(jem, robot), compile_spec(scene_spec(jem, robot))
-    data = mujoco.MjData(model)
-    for _ in range(5):
-        quaternion = rng.normal(size=4)
-        quaternion /= np.linalg.norm(quaternion)
-        shown = rng.normal(size=3), quaternion, rng.uniform(-3, 3, (robot.limbs, 6))
-        set_configuration(model, data, *shown)
-        poses = scene.link_poses(shown)
-        assert len(poses) == model.nbody - 1
-        for k in range(1, model.nbody):
-            place, turn = poses[model.body(k).name]
-            np.testing.assert_allclose(place, data.xpos[k], atol=1e-9)
-            rotation = Rotation.from_quat(turn, scalar_first=True).as_matrix()
-            np.testing.assert_allclose(rotation.ravel(), data.xmat[k], atol=1e-9)
-
-
 def test_every_geom_is_drawn_in_its_colour_and_size(jem):
     """Bounds of all shapes of a link and colour are those of MuJoCo's geoms."""
     robot = robot_spec("mlivr2")
-    scene = scene_solids(jem, robot, capsules=True)
+    _, solids = scene_solids(jem, robot, capsules=True)
     model = compile_spec(scene_spec(jem, robot))
-    rounded = {(s.link, s.colour): [] for s in scene.solids}
-    for s in scene.solids:
+    rounded = {(s.link, s.colour): [] for s in solids}
+    for s in solids:
         rounded[s.link, s.colour].append(s.mesh.vertices)
     for k in range(model.ngeom):
         geom = model.geom(k)
@@ -73,9 +54,9 @@ def test_triangles_of_primitives_close_them_and_edges_of_boxes_stay_sharp(jem):
 
 
 def test_walls_are_those_of_their_face(jem):
-    scene = scene_solids(jem, robot_spec("mlivr2"))
+    _, solids = scene_solids(jem, robot_spec("mlivr2"))
     for face in {box.face for box in jem.boxes}:
-        corners = [s.mesh.bounds for s in scene.solids if s.link == "world" and s.face == face]
+        corners = [s.mesh.bounds for s in solids if s.link == "world" and s.face == face]
         bounds = np.array([box.bounds for box in jem.boxes if box.face == face])
         np.testing.assert_allclose(np.min(corners, axis=(0, 1)), bounds[:, 0].min(axis=0))
         np.testing.assert_allclose(np.max(corners, axis=(0, 1)), bounds[:, 1].max(axis=0))
@@ -83,8 +64,8 @@ def test_walls_are_those_of_their_face(jem):
 
 def test_meshes_are_drawn_in_the_place_of_collision_shapes(jem):
     """Of a UR10e no meshes ship, so limb 0 keeps its capsules, with rods."""
-    scene = scene_solids(jem, robot_spec("mlivr2-unequal"))
-    colours = {f"limb{i}": {s.colour for s in scene.solids if s.link == f"limb{i}/forearm"}
+    _, solids = scene_solids(jem, robot_spec("mlivr2-unequal"))
+    colours = {f"limb{i}": {s.colour for s in solids if s.link == f"limb{i}/forearm"}
                for i in range(2)}  # fmt: skip
     assert {tuple(np.float32(JOINT_COLOUR).tolist())} < colours["limb0"]
     drawn = {tuple(np.float32((*COLOURS["LinkGrey"],)).tolist())}
