@@ -24,7 +24,7 @@ from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.viewer.marks import states_of
+from mlivr_gym.viewer.live_plan import states_of
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""

@@ -15,8 +15,7 @@ from mlivr_gym import stance_graph
 from mlivr_gym.files import write_whole
 from mlivr_gym.viewer.live_plan import LivePlan
 from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.panel import add_panel
-from mlivr_gym.viewer.viewer import Viewer
+from mlivr_gym.viewer.viewer import Viewer, add_panel
 
 SHOWN = 5.0
 """Time along the plan that the picture shows [s]."""

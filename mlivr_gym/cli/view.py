@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     live, executed = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
     if args.out:
-        from mlivr_gym.viewer.export import write_html
+        from mlivr_gym.viewer.viewer import write_html
 
         if live.plan is None:
             raise NoPlanError(live.message)
@@ -112,8 +112,7 @@ def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Frames | None]:
 def _serve(args: argparse.Namespace, live: LivePlan, executed: Frames | None) -> int:
     """Serve the page until Ctrl-C."""
     from mlivr_gym.viewer.page import Page
-    from mlivr_gym.viewer.panel import add_panel
-    from mlivr_gym.viewer.viewer import Viewer
+    from mlivr_gym.viewer.viewer import Viewer, add_panel
 
     page = Page(args.host, args.port, "mlivr-gym")
     viewer = Viewer(page, live, executed, capsules=args.capsules)

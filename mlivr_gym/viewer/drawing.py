@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 import trimesh
@@ -14,7 +16,9 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.camera import FIELD_OF_VIEW, Camera
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
+from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.pictures.rendering import MARGIN
+from mlivr_gym.pictures.robot_shapes import geom_corners
 from mlivr_gym.pictures.route import (
     FOOTHOLD_RADIUS,
     GOAL_OPACITY,
@@ -23,13 +27,13 @@ from mlivr_gym.pictures.route import (
     Route,
     plan_base_path,
 )
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import COLOURS, set_configuration
-from mlivr_gym.viewer.marks import Marks
-from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.solids import scene_solids
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec, set_configuration
+from mlivr_gym.viewer.live_plan import Marks
+from mlivr_gym.viewer.page import Colour, Page
+from mlivr_gym.world.boxes import BOX, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
@@ -40,9 +44,6 @@ MARKED_SCALE = 1.8
 
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Angles of the initial line of sight [deg]."""
-
-LABEL_LIFT = 0.09
-"""Height of the number of a foothold above its point [m]."""
 
 PREVIOUS_COLOUR = "#9fc7a5"
 """Colour of the previous plan's base path."""
@@ -61,12 +62,10 @@ def draw_stage(page: Page, grasp_map: GraspMap, robot: RobotSpec, capsules: bool
     model, solids = scene_solids(grasp_map, robot, capsules)
     folders = {f"module/{face}" for face in ("rest", *grasp_map.faces)}
     links = {_node(model.body(k).name) for k in range(1, model.nbody)}
-    for folder in ("module", "robot", "handles", *folders, *links):
+    for folder in ("module", "robot", *folders, *links):
         page.clear(folder)
-    for k, solid in enumerate(solids):
-        wall = f"module/{solid.face or 'rest'}"
-        node = wall if solid.link == "world" else _node(solid.link)
-        page.mesh(f"{node}/{k}", solid.mesh, solid.colour)
+    for k, ((node, colour), meshes) in enumerate(solids.items()):
+        page.mesh(f"{node}/{k}", cast(trimesh.Trimesh, trimesh.util.concatenate(meshes)), colour)
     draw_points(page, grasp_map)
     return model
 
@@ -76,7 +75,43 @@ def draw_world(page: Page, obstacles: Sequence[Box], goal: Array, tolerance: flo
     page.ball("goal", goal, tolerance, to_rgba(GOAL_COLOUR, GOAL_OPACITY))
     page.clear("obstacles")
     for k, box in enumerate(obstacles):
-        page.box(f"obstacles/{k}", box, COLOURS[box.kind])
+        mesh = trimesh.creation.box(
+            2.0 * np.array(box.half), rigid(np.array(box.rotation), box.centre)
+        )
+        page.mesh(f"obstacles/{k}", mesh, COLOURS[box.kind])
+
+
+def scene_solids(
+    grasp_map: GraspMap, robot: RobotSpec, capsules: bool
+) -> tuple[mujoco.MjModel, dict[tuple[str, Colour], list[trimesh.Trimesh]]]:
+    """Return the model of a robot in a module, and the meshes of its geoms by node and colour.
+
+    With `capsules`, limbs have no visual meshes. Raises a `SceneError` if MuJoCo refuses the robot.
+    """
+    spec = scene_spec(grasp_map, robot)
+    show_limbs(spec, robot, capsules)
+    model = compile_spec(spec)
+    walls = {scene_name(BOX, box.id): f"module/{box.face or 'rest'}" for box in grasp_map.boxes}
+    solids: dict[tuple[str, Colour], list[trimesh.Trimesh]] = defaultdict(list)
+    for k in range(model.ngeom):
+        geom = model.geom(k)
+        r, g, b, opacity = geom.rgba.tolist()
+        if opacity > 0.0:  # otherwise a mesh is drawn in its place
+            node = walls.get(geom.name) or _node(model.body(int(geom.bodyid[0])).name)
+            turn = Rotation.from_quat(geom.quat, scalar_first=True).as_matrix()
+            mesh = geom_mesh(model, k).apply_transform(rigid(turn, geom.pos))
+            solids[node, (r, g, b, opacity)].append(mesh)
+    return model, solids
+
+
+def geom_mesh(model: mujoco.MjModel, geom: int) -> trimesh.Trimesh:
+    """Return the mesh of a geom in its own frame, with triangles anticlockwise from outside."""
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        hull: trimesh.Trimesh = trimesh.Trimesh(geom_corners(model, geom)).convex_hull
+        return hull
+    stored = model.mesh(int(model.geom_dataid[geom]))
+    vertices = model.mesh_vert[stored.vertadr[0] :][: stored.vertnum[0]]
+    return trimesh.Trimesh(vertices, model.mesh_face[stored.faceadr[0] :][: stored.facenum[0]])
 
 
 def draw_points(page: Page, grasp_map: GraspMap) -> None:
@@ -145,15 +180,11 @@ def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None, previous: Plan
     page.line("plan/path", route.line, green, 2.0 * PATH_RADIUS)
     for k, position in enumerate(route.stances):
         page.ball(f"plan/stance{k}", position, STANCE_RADIUS, green)
-    numbers: dict[tuple[float, ...], list[str]] = {}
     for k, hold in enumerate(route.footholds):
         colour = to_rgba(LIMB_COLOURS[hold.limb])
         page.ball(f"plan/foothold{k}", hold.position, FOOTHOLD_RADIUS, colour)
-        numbers.setdefault(tuple(hold.position.tolist()), []).append(str(hold.stance))
-    for k, (place, stances) in enumerate(numbers.items()):
-        point = np.argmin(np.linalg.norm(grasp_map.positions - np.array(place), axis=1))
-        above = np.array(place) + LABEL_LIFT * grasp_map.normals[point]
-        page.label(f"plan/number{k}", ", ".join(stances), above)
+    for k, (position, text, _) in enumerate(route.labels()):
+        page.label(f"plan/number{k}", text, position)
 
 
 def aim_camera(page: Page, positions: Array, aspect: float) -> Array:

@@ -35,10 +35,6 @@ class Frames(TimedConfigurations):
     A robot at rest has the number of its stance as step, and the phase `AT_REST`.
     """
 
-    def __len__(self) -> int:
-        """Return the number of frames."""
-        return len(self.times)
-
     @property
     def duration(self) -> float:
         """Time of the last frame [s]."""
@@ -48,16 +44,8 @@ class Frames(TimedConfigurations):
         """Return the index of the last frame at or before a time [s]."""
         return max(int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1, 0)
 
-    def starts(self) -> Array:
-        """Return the start times of the steps and the end time, shape (steps + 1,) [s]."""
-        first = np.flatnonzero(np.diff(self.step, prepend=-1))
-        starts: Array = np.unique(np.append(self.times[first], self.duration))
-        return starts
-
     def describe(self, k: int, plan: Plan) -> str:
         """Describe a frame: number of the step, limb, its two points and the phase."""
-        if not plan.steps:
-            return "the start is at the goal"
         number, phase = int(self.step[k]), int(self.phase[k])
         if phase == AT_REST:
             return f"stance {number} of {len(plan.steps)}"

@@ -1,25 +1,29 @@
-"""The state of the viewer without its page: a query that can be changed, and its plan."""
+"""The state of the viewer without its page: a query with its plan, and what limbs can reach."""
 
 from __future__ import annotations
 
-import time
-from typing import Any
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError
+from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.query import GOAL_TOLERANCE
+from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.transitions.state import State
 
-BOX_EDGE = 0.3
-"""Edge of a box that is added [m]."""
+POINT_COLOUR, OCCUPIED_COLOUR, FAINT_COLOUR, SHARED_COLOUR = (
+    "#f2bf1a", "#1b1b1f", "#cfd3d8", "#8a3fb0",
+)  # fmt: skip
+"""Colours of points, of occupied ones, of points out of reach, and of several limbs."""
 
-PRICE = 0.1
-"""Initial regrasp price of the weighted cost [m]."""
+NO_STEP = "no step: the support limbs cannot follow the base, or every swing is in collision"
+"""Reason for a point whose stance can be held, but that no step reaches."""
 
 
 def query_of(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
@@ -42,8 +46,7 @@ class LivePlan:
     """A query on a stance graph with its plan and the previous plan.
 
     `query` holds the arguments of `Planner.plan`. Each change plans anew. If the query is invalid
-    or no plan exists, `plan` is None and `message` says why. `expanded` is the number of states of
-    the search, and `seconds` its time [s].
+    or no plan exists, `plan` is None and `message` says why.
     """
 
     def __init__(self, graph: StanceGraph, query: dict[str, Any], plan: Plan | None = None) -> None:
@@ -53,10 +56,6 @@ class LivePlan:
         self.planner = Planner(graph)
         self.previous: Plan | None = None
         self.message = "" if plan is None else _plan_message(plan)
-        self.expanded, self.seconds = 0, 0.0
-        if plan is not None:
-            self.expanded = plan.statistics.expanded
-            self.seconds = plan.statistics.feasibility_time + plan.statistics.search_time
 
     @property
     def goal(self) -> Array:
@@ -66,23 +65,15 @@ class LivePlan:
     def replan(self, **changes: Any) -> None:
         """Plan anew in the current world, with some other arguments of the query."""
         self.query |= changes
-        began = time.perf_counter()
         self.previous = self.plan or self.previous
-        self.plan, self.expanded = None, 0
+        self.plan = None
         try:
             result = self.planner.plan(**self.query)
         except MlivrError as error:
             self.message = str(error)
         else:
-            self.plan, self.expanded = result.plan, result.expanded
+            self.plan = result.plan
             self.message = result.message if result.plan is None else _plan_message(result.plan)
-        self.seconds = time.perf_counter() - began
-
-    def set_start_point(self, limb: int, point: str) -> None:
-        """Start with a limb at another point, in the posture of the resulting stance."""
-        start = list(self.query["start"])
-        start[limb] = point
-        self.replan(start=tuple(start), start_pose=None, start_joints=None)
 
     def toggle_occupied(self, point: str) -> None:
         """Mark a point as occupied, or as free if it is occupied."""
@@ -96,36 +87,13 @@ class LivePlan:
         """Set another goal position [m], which is moved into the cabin if it lies outside."""
         self.replan(goal=tuple(np.clip(goal, *self.graph.grasp_map.cabin).tolist()))
 
-    def set_cost(self, cost: str, price: float) -> None:
-        """Set another cost; the regrasp price [m] applies to the weighted cost alone."""
-        self.replan(cost=cost, regrasp_price=price if cost == "weighted" else None)
-
-    def put_box(self, name: str, centre: Array) -> None:
-        """Add the obstacle of this id, or move it if it exists, to a centre [m].
-
-        Raises a `MlivrError` if collisions are not checked, or the map has a box of that id.
-        """
-        existing = [box for box in self.graph.obstacles if box.id == name]
-        half = np.array(existing[0].half) if existing else np.full(3, 0.5 * BOX_EDGE)
-        box = Box.between(name, "obstacle", (centre - half).tolist(), (centre + half).tolist())
-        if existing:
-            self.graph.remove_obstacles([name])
-        self.graph.add_obstacles([box])
-        self.replan()
-
-    def clear(self) -> None:
-        """Remove all obstacles and free all points."""
-        self.graph.remove_obstacles()
-        self.graph.vacate()
-        self.replan()
-
     def summary(self) -> str:
         """Summarise the plan in Markdown, or say why none exists."""
         goal = ", ".join(f"{part:.2f}" for part in self.goal)
         query = f"{' '.join(self.query['start'])} → ({goal}), {self.query['cost']} cost"
-        spent = f"{self.expanded} states expanded, {self.seconds:.2f} s"
         if self.plan is None:
-            return f"**No plan:** {self.message}\n\n{query}  \n{spent}"
+            return f"**No plan:** {self.message}\n\n{query}"
+        spent = f"{self.plan.statistics.expanded} states expanded"
         w_m, w_b = self.plan.w_m_min, self.plan.w_b_min
         margins = f"minimum manipulability {w_m:.3f} (limbs), {w_b:.5f} (base)"
         lines = [f"**{self.message}**", margins, spent, query]
@@ -137,3 +105,70 @@ class LivePlan:
 def _plan_message(plan: Plan) -> str:
     """Summarise a plan."""
     return f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"
+
+
+class Marks(NamedTuple):
+    """Colours of the points of a map with their legend."""
+
+    colours: list[str]
+    """Hexadecimal colour of each point."""
+    legend: list[tuple[str, str]]
+    """Colour and text of each entry of the legend."""
+    points: Sequence[int]
+    """Indices of the points whose colours have a meaning; they are enlarged."""
+
+
+def point_marks(graph: StanceGraph, reached_from: State | None = None) -> Marks:
+    """Return one colour for all points, and a dark one for occupied points.
+
+    With a state, points that limbs can step to from it have the colours of the limbs.
+    """
+    occupied = sorted(graph.occupied)
+    legend = [(OCCUPIED_COLOUR, f"occupied: {len(occupied)}")] if occupied else []
+    plain = POINT_COLOUR if reached_from is None else FAINT_COLOUR
+    colours, limbs = [plain] * len(graph.grasp_map), dict[int, list[int]]()
+    for point in occupied:
+        colours[point] = OCCUPIED_COLOUR
+    if reached_from is not None:
+        steps = graph.successors(reached_from)
+        for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
+            limbs.setdefault(point, []).append(limb)
+        for point, reaching in limbs.items():
+            colours[point] = LIMB_COLOURS[reaching[0]] if len(reaching) == 1 else SHARED_COLOUR
+        counts, shared = Counter(steps.limb.tolist()), sum(len(some) > 1 for some in limbs.values())
+        legend += [(LIMB_COLOURS[i], f"limb {i}: {counts[i]} points") for i in range(graph.limbs)]
+        legend.append((SHARED_COLOUR, f"several limbs: {shared}"))
+    return Marks(colours, legend, [*occupied, *limbs])
+
+
+def explanations(graph: StanceGraph, state: State, point: int) -> list[str]:
+    """Return a line for each limb: that it can step from a state to a point, or why not."""
+    steps, name = graph.successors(state), graph.grasp_map.ids[point]
+    lines = []
+    for limb in range(graph.limbs):
+        why = "can step to this point"
+        if point in state.stance:
+            why = f"point {name!r} is held by limb {state.stance.index(point)}"
+        elif steps.find(limb, point) < 0:
+            try:
+                graph.state((*state.stance[:limb], point, *state.stance[limb + 1 :]))
+                why = NO_STEP
+            except StanceError as error:
+                why = str(error)
+        lines.append(f"limb {limb}: {why}")
+    return lines
+
+
+def states_of(graph: StanceGraph, plan: Plan) -> tuple[State | None, ...]:
+    """Return the states along a plan in the current world, None after a step that is impossible."""
+    motion, stances = plan.motion, plan.stances
+    states: tuple[State, ...] = ()
+    try:
+        where = graph.given_pose_of(
+            stances[0], motion.base_positions[0], motion.base_quaternions[0]
+        )
+        start = graph.state(stances[0], where)
+        states = graph.states_along(start, [graph.indices(stance) for stance in stances[1:]])
+    except StanceError:
+        pass
+    return *states, *[None] * (len(stances) - len(states))

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import html
 import io
-import json
 import logging
 import re
 import socket
@@ -18,20 +17,18 @@ from ipaddress import ip_address
 from typing import Any
 
 import numpy as np
+import trimesh
 import viser
 import websockets.asyncio.server as websocket_server
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
-from mlivr_gym.viewer.solids import Colour, Mesh
-from mlivr_gym.world.boxes import Box
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, from 0 to 1."""
 
 BACKGROUND = (238, 241, 245)
 """Colour of the background, red, green and blue up to 255."""
-
-_TAB = '<img src="data:," alt="" style="display:none" onerror="document.title={}">'
-# The library cannot name the browser's tab, so the error handler of an invalid image does it.
 
 END = 1.5
 """Time for which an exported page stays at its end before it starts again [s]."""
@@ -44,7 +41,7 @@ class Page:
     """
 
     def __init__(self, host: str, port: int, title: str) -> None:
-        """Serve an empty page with a title, which the panel and the browser's tab have.
+        """Serve an empty page with a title, which the panel has.
 
         It has the address `host` of the server's network interface, and a port, or the next free
         one if it is taken; 0 for any free port. Raises a `SettingError` if this computer has no
@@ -62,7 +59,6 @@ class Page:
         with _silence(), _same_origin_only(host):
             self.server = viser.ViserServer(host=host, port=port, label=title, verbose=False)
         self.scene, self.gui = self.server.scene, self.server.gui
-        self.gui.add_html(_TAB.format(html.escape(json.dumps(title))))
         self.address = f"http://{host}:{self.server.get_port()}"
         self.nodes: dict[str, Any] = {}
         self.items: dict[str, Any] = {}
@@ -82,8 +78,9 @@ class Page:
         self.remove(name)
         self.nodes[name] = self.scene.add_frame(f"/{name}", show_axes=False)
 
-    def mesh(self, name: str, mesh: Mesh, colour: Colour) -> None:
-        """Draw a mesh."""
+    def mesh(self, name: str, mesh: trimesh.Trimesh, colour: Colour) -> None:
+        """Draw a mesh with the edges that are sharp."""
+        mesh = trimesh.graph.smooth_shade(mesh, angle=0.25 * np.pi)
         self.nodes[name] = self.scene.add_mesh_simple(
             f"/{name}", mesh.vertices, mesh.faces, **_looks(colour)
         )
@@ -93,14 +90,6 @@ class Page:
         self.nodes[name] = self.scene.add_icosphere(
             f"/{name}", radius, position=position, **_looks(colour)
         )
-
-    def box(self, name: str, box: Box, colour: Colour) -> None:
-        """Draw a box."""
-        turn = Rotation.from_matrix(box.rotation).as_quat(scalar_first=True)
-        self.nodes[name] = self.scene.add_box(
-            f"/{name}", dimensions=2.0 * np.array(box.half), wxyz=turn, position=box.centre,
-            **_looks(colour),
-        )  # fmt: skip
 
     def line(self, name: str, positions: Array, colour: Colour, thickness: float) -> None:
         """Draw a polyline, shape (k, 3) [m], of a thickness [m]; nothing if it has no length."""
@@ -168,12 +157,6 @@ class Page:
         item = self.items.get(name)
         if item is not None and item.content != content:
             item.content = content
-
-    def move_slider(self, time: float, duration: float) -> None:
-        """Show a time [s] of a duration on the slider, if the page has a panel."""
-        if "time" in self.items:
-            self.items["time"].max = max(duration, 0.1)
-            self.items["time"].value = round(time, 2)
 
     # Export.
 

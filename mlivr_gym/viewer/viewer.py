@@ -1,29 +1,33 @@
 """The viewer: it shows a live plan on a page and responds to what users do there.
 
 Methods that the page calls run in threads of the server and hold a lock while they work; one more
-thread plays.
+thread plays. `add_panel` connects the page with them.
 """
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError
+from mlivr_gym.errors import MlivrError, SettingError
+from mlivr_gym.files import write_whole
+from mlivr_gym.motion.plan import Plan
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.viewer import drawing, marks
-from mlivr_gym.viewer.frames import Frames, plan_frames, stance_frames
-from mlivr_gym.viewer.live_plan import LivePlan
+from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer.frames import STEP_TIME, Frames, plan_frames, stance_frames
+from mlivr_gym.viewer.live_plan import LivePlan, explanations, point_marks, query_of, states_of
 from mlivr_gym.viewer.page import Page
 
 TICK = 0.05
 """Time between two pictures while playing [s]."""
 
-ASPECT = 1.15
-"""Width divided by height of the scene next to the panel, for which the first view is chosen."""
+ASPECT, WIDE = 1.15, 1.75
+"""Width divided by height of the scene, next to the panel and in a file, for the first view."""
 
 AIM, NOW = "aim", "now"
 """Node names of the arrows at the goal, and of the text above the robot."""
@@ -32,7 +36,16 @@ ABOVE = np.array([0.0, 0.0, 0.5])
 """Position of the text relative to the base [m]."""
 
 EXPLAIN, BLOCK = "explain why it cannot be held", "block or free it"
-"""Effects of a click on a point, in addition to starting a limb there."""
+"""Effects of a click on a point."""
+
+MAX_BYTES = 2_000_000
+"""Maximum size of a file in bytes; long plans have fewer frames, so that files can be shared."""
+
+FRAME_RATE = 20.0
+"""Maximum number of frames in a second."""
+
+SPEEDS = ("0.25x", "0.5x", "1x", "2x", "5x", "10x", "20x")
+"""Speeds to choose from, relative to the time of the frames."""
 
 
 class Viewer:
@@ -45,7 +58,7 @@ class Viewer:
         """Draw the module, the robot and the plan, or the frames of its execution."""
         self.page, self.live, self.executed = page, live, executed
         self.time, self.playing, self.speed = 0.0, False, 1.0
-        self.click, self.reach_shown, self._boxes = EXPLAIN, False, 0
+        self.click, self.reach_shown = EXPLAIN, False
         self._lock, self._closed = threading.RLock(), threading.Event()
         self._marked: tuple[object, ...] = ()
         grasp_map = live.graph.grasp_map
@@ -78,7 +91,7 @@ class Viewer:
                 self.frames = stance_frames(*none)
             else:
                 self.frames = self.executed or plan_frames(graph, live.plan)
-                self._states = marks.states_of(graph, live.plan)
+                self._states = states_of(graph, live.plan)
             page.show("robot", live.plan is not None)
             drawing.draw_plan(page, graph.grasp_map, live.plan, live.previous)
             drawing.draw_world(page, graph.obstacles, live.goal, live.query["goal_tolerance"])
@@ -100,7 +113,9 @@ class Viewer:
             label.position = np.float32(self.frames.base_positions[k] + ABOVE)
             if label.text != text:
                 label.text = text
-            self.page.move_slider(self.time, self.frames.duration)
+            slider = self.page.items.get("time")
+            if slider is not None:
+                slider.max, slider.value = max(self.frames.duration, 0.1), round(self.time, 2)
             self._mark()
 
     def scrub(self, time: float) -> None:
@@ -114,14 +129,6 @@ class Viewer:
             if not self.playing and self.time >= self.frames.duration:
                 self.time = 0.0
             self.playing = not self.playing
-
-    def jump(self, count: int) -> None:
-        """Go forward, or back for a negative count, by some steps to the start of a step."""
-        with self._lock:
-            starts = self.frames.starts()
-            here = int(np.searchsorted(starts, self.time + 1e-6, side="right")) - 1
-            back = count < 0 and self.time > starts[here] + 1e-6
-            self.scrub(float(starts[np.clip(here + count + back, 0, len(starts) - 1)]))
 
     def tick(self) -> None:
         """Advance by one picture if it is playing."""
@@ -140,17 +147,15 @@ class Viewer:
         self._closed.set()
         self.page.close()
 
-    # Points, walls and boxes.
+    # Points and walls.
 
     def clicked(self, point: int) -> None:
         """Handle a click on a point, given by its index."""
         name = self.live.graph.grasp_map.ids[point]
         if self.click == BLOCK:
             self.change(lambda: self.live.toggle_occupied(name))
-        elif self.click == EXPLAIN:
-            self._explain(point)
         else:
-            self.change(lambda: self.live.set_start_point(int(self.click.split()[-1]), name))
+            self._explain(point)
 
     def _explain(self, point: int) -> None:
         """Show which limbs can step to a point now, and why others cannot."""
@@ -158,7 +163,7 @@ class Viewer:
             graph, state = self.live.graph, self.present_state()
             lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
             if state is not None:
-                lines += marks.explanations(graph, state, point)
+                lines += explanations(graph, state, point)
             self.page.write("explanation", "  \n".join(lines))
 
     def present_state(self) -> State | None:
@@ -178,36 +183,82 @@ class Viewer:
         if (state, graph.version) == self._marked:
             return
         self._marked = state, graph.version
-        colours = marks.point_marks(graph, state)
+        colours = point_marks(graph, state)
         drawing.colour_points(self.page, graph.grasp_map, colours)
         lines = [f'<span style="color:{c}">⬤</span> {text}' for c, text in colours.legend]
         self.page.write("legend", "  \n".join(lines))
 
     def hide_walls_from(self, eye: Array) -> None:
         """Hide the walls that a camera at `eye` [m] sees from behind."""
-        if self._lock.acquire(blocking=False):  # otherwise the camera's next movement calls it
-            try:
-                with self.page.server.atomic():
-                    drawing.hide_walls(self.page, self.live.graph.grasp_map, eye)
-            finally:
-                self._lock.release()
+        with self.page.server.atomic():
+            drawing.hide_walls(self.page, self.live.graph.grasp_map, eye)
 
-    def add_box(self) -> None:
-        """Add a box in the middle of the base path, with arrows to drag it."""
-        name = f"added{self._boxes}"
-        self._boxes += 1
-        plan = self.live.plan or self.live.previous
-        positions = self.live.goal[None] if plan is None else plan.motion.base_positions
-        position = positions[len(positions) // 2] + np.array([0.0, 0.0, -0.35])
-        self.change(lambda: self.live.put_box(name, position))
-        if any(box.id == name for box in self.live.graph.obstacles):
-            self.page.gizmo(
-                f"handles/{name}",
-                position,
-                lambda at: self.change(lambda: self.live.put_box(name, at)),
-            )
 
-    def clear(self) -> None:
-        """Remove all obstacles and free all points."""
-        self.page.clear("handles")
-        self.change(self.live.clear)
+def add_panel(viewer: Viewer) -> None:
+    """Add the panel, and connect the page with the viewer's methods."""
+    page, gui = viewer.page, viewer.page.gui
+    page.text("summary")
+    page.item("time", gui.add_slider("time [s]", 0.0, 0.1, 0.01, 0.0), viewer.scrub)
+    gui.add_button("Play or pause").on_click(lambda _: viewer.toggle())
+    speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
+    page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
+    clicks = gui.add_dropdown("a click on a point", (EXPLAIN, BLOCK), initial_value=viewer.click)
+    page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
+    page.text("explanation")
+    reach = gui.add_checkbox("points within reach", viewer.reach_shown)
+    page.item("reach", reach, viewer.show_reach)
+    page.text("legend")
+    for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
+        page.nodes[f"points/{face}"].on_click(
+            lambda event, points=points: viewer.clicked(int(points[event.instance_index]))
+        )
+    page.gizmo(AIM, viewer.live.goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
+    page.server.on_client_connect(
+        lambda client: client.camera.on_update(
+            lambda camera: viewer.hide_walls_from(np.array(camera.position))
+        )
+    )
+    viewer.refresh()
+
+
+def write_html(
+    path: str | Path, graph: StanceGraph, plan: Plan, executed: Frames | None = None,
+    capsules: bool = False,
+) -> int:  # fmt: skip
+    """Write a page that plays a plan, or its execution, and return the size of the file in bytes.
+
+    The page loads nothing from elsewhere. The frames of an execution are played at a speed at which
+    a step takes `STEP_TIME` on average, like a step of a plan. `capsules` draws the collision
+    shapes in place of visual meshes, as for more than two limbs, whose meshes would need most of
+    `MAX_BYTES`. Raises a `FileError` if the file cannot be written, and a `SettingError` if the
+    file would be larger than `MAX_BYTES` even with few frames.
+    """
+    page, live = Page("127.0.0.1", 0, "mlivr-gym"), LivePlan(graph, query_of(graph, plan), plan)
+    kind, capsules = "plan" if executed is None else "execution", capsules or graph.limbs > 2
+    title = (
+        f"{plan.world.robot.name}: {kind}, {len(plan.steps)} steps, "
+        f"{plan.base_translation:.3f} m, {plan.query.cost_name} cost"
+    )
+    try:
+        viewer = Viewer(page, live, executed, capsules=capsules, aspect=WIDE)
+        content = _content(viewer, max(STEP_TIME * len(plan.steps), STEP_TIME), title)
+    finally:
+        page.close()
+    write_whole(path, content)
+    return len(content)
+
+
+def _content(viewer: Viewer, length: float, title: str) -> bytes:
+    """Return the HTML of a page that plays for a time [s], with as many frames as it may have."""
+    times = viewer.frames.times
+    count = min(len(times), round(FRAME_RATE * length) + 1)
+    while count >= 2:
+        chosen = np.linspace(0, len(times) - 1, count).round().astype(np.int64)
+        content = viewer.page.record(times[chosen], length / (count - 1), viewer.seek, title)
+        if len(content.encode()) <= MAX_BYTES:
+            return content.encode()
+        count //= 2
+    raise SettingError(
+        f"the page of this scene would be larger than {MAX_BYTES} bytes; "
+        "use a map or a plan with fewer shapes, capsules in place of meshes, or serve the page"
+    )

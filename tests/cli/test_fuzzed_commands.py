@@ -130,7 +130,7 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
     monkeypatch.setattr("mlivr_gym.cli.view._serve", stopped)
     if importlib.util.find_spec("viser") is not None:
-        monkeypatch.setattr("mlivr_gym.viewer.export.write_html", stopped)
+        monkeypatch.setattr("mlivr_gym.viewer.viewer.write_html", stopped)
     monkeypatch.setattr("mlivr_gym.stances.point_pairs.MOST_PAIRS", 2000)
     for module in ("world.grasp_map", "paper"):
         monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(LADDER))

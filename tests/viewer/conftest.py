@@ -14,7 +14,7 @@ def live(checked_graph, walk):
 @pytest.fixture(scope="session")
 def scenes_made_once():
     """Each scene is made once for all pages and files, which only read it; it takes a second."""
-    solids = pytest.importorskip("mlivr_gym.viewer.solids", reason="the extra 'viewer' is missing")
+    solids = pytest.importorskip("mlivr_gym.viewer.drawing", reason="the extra 'viewer' is missing")
     make, made = solids.scene_solids, {}
 
     def once(grasp_map, robot, *more):
@@ -42,8 +42,7 @@ def page(scenes_made_once):
 @pytest.fixture
 def viewer(page, live):
     """A viewer with its panel, not playing."""
-    from mlivr_gym.viewer.panel import add_panel
-    from mlivr_gym.viewer.viewer import Viewer
+    from mlivr_gym.viewer.viewer import Viewer, add_panel
 
     viewer = Viewer(page, live)
     add_panel(viewer)

@@ -13,8 +13,7 @@ from mlivr_gym.pictures.rendering import MARGIN
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import drawing
-from mlivr_gym.viewer.export import write_html
-from mlivr_gym.viewer.viewer import ASPECT
+from mlivr_gym.viewer.viewer import ASPECT, write_html
 
 pytestmark = pytest.mark.browser
 
@@ -74,10 +73,10 @@ def scrubber(page):
 
 def test_a_plan_plays_and_pauses(shown, viewer):
     assert scrubber(shown) == 0.0
-    shown.get_by_role("button", name="play", exact=True).click()
+    shown.get_by_role("button", name="Play or pause", exact=True).click()
     until(lambda: scrubber(shown) > 0.5)
     until(lambda: shown.get_by_text("step 1 of 4").count() == 1)
-    shown.get_by_role("button", name="play", exact=True).click()
+    shown.get_by_role("button", name="Play or pause", exact=True).click()
     until(lambda: not viewer.playing)
     time.sleep(1.0)
     paused = scrubber(shown)

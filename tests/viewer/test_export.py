@@ -9,7 +9,8 @@ from recordings import recording_of
 
 pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
-from mlivr_gym.viewer import drawing, export
+from mlivr_gym.viewer import drawing
+from mlivr_gym.viewer import viewer as export
 from mlivr_gym.viewer.frames import load_frames
 
 pytestmark = pytest.mark.usefixtures("scenes_made_once")

@@ -22,9 +22,8 @@ from mlivr_gym.viewer.frames import (
 def test_a_plan_is_played_from_stance_to_stance(checked_graph, walk):
     """At the start of each step the robot is in the plan's configuration."""
     frames = plan_frames(checked_graph, walk)
-    starts = frames.starts()
-    np.testing.assert_allclose(starts, STEP_TIME * np.arange(len(walk.stances)))
-    for k, time in enumerate(starts):
+    assert frames.duration == pytest.approx(STEP_TIME * len(walk.steps))
+    for k, time in enumerate(STEP_TIME * np.arange(len(walk.stances))):
         shown, planned = frames.configuration(frames.at(time)), walk.configuration(k)
         np.testing.assert_allclose(shown[0], planned[0], atol=1e-6)
         assert abs(shown[1] @ planned[1]) == pytest.approx(1.0)  # either sign is the same turn
@@ -37,7 +36,7 @@ def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, m
 
     monkeypatch.setattr("mlivr_gym.viewer.frames.trajectory", refuse)
     frames = plan_frames(checked_graph, walk)
-    assert len(frames) == 5
+    assert len(frames.times) == 5
     assert (frames.phase == AT_REST).all()
     assert [frames.describe(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
     np.testing.assert_array_equal(frames.joint_positions, walk.motion.joint_positions)
@@ -125,7 +124,7 @@ def test_an_altered_recording_is_played_or_refused_in_one_line(execution, tmp_pa
             frames = load_frames(path, execution.plan)
             assert frames.duration >= 0.0
             assert all(np.isfinite(each).all() for each in frames.arrays().values())
-            return [frames.describe(k, execution.plan) for k in range(len(frames))]
+            return [frames.describe(k, execution.plan) for k in range(len(frames.times))]
 
         refused += loaded(play, path, path.read_bytes()) is None
     assert refused > 150

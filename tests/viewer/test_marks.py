@@ -3,7 +3,7 @@
 import pytest
 
 from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.viewer import marks
+from mlivr_gym.viewer import live_plan as marks
 
 
 @pytest.fixture

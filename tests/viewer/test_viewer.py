@@ -8,7 +8,8 @@ pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 
 from mlivr_gym.viewer import viewer as viewers
 from mlivr_gym.viewer.frames import STEP_TIME, load_frames
-from mlivr_gym.viewer.panel import add_panel
+from mlivr_gym.viewer.viewer import add_panel
+from mlivr_gym.world.boxes import Box
 
 
 def said(viewer, name):
@@ -52,18 +53,6 @@ def test_playing_goes_on_to_the_end_and_begins_again(viewer):
     assert (viewer.time, viewer.playing) == (7.0, False)
 
 
-def test_steps_are_jumped_to(viewer):
-    seen = []
-    viewer.scrub(0.4 * STEP_TIME)
-    for count in (1, 1, 1, 1, 1, -1, -1):
-        viewer.jump(count)
-        seen.append(round(viewer.time / STEP_TIME, 6))
-    assert seen == [1.0, 2.0, 3.0, 4.0, 4.0, 3.0, 2.0]
-    viewer.scrub(2.4 * STEP_TIME)
-    viewer.jump(-1)
-    assert viewer.time == pytest.approx(2.0 * STEP_TIME)
-
-
 def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
     point = walk.steps[0].to_point
     viewer.click = viewers.BLOCK
@@ -74,12 +63,6 @@ def test_a_click_blocks_a_point_and_the_plan_before_is_pale(viewer, walk):
     assert "occupied: 1" in said(viewer, "legend")
     viewer.clicked(index(viewer, point))
     assert said(viewer, "legend") == ""
-
-
-def test_a_click_starts_a_limb(viewer):
-    viewer.click = "start of limb 0"
-    viewer.clicked(index(viewer, "D2a:3"))
-    assert viewer.live.plan.stances[0] == ("D2a:3", "D2b:4")
 
 
 def test_a_click_explains_why_a_point_cannot_be_held(viewer):
@@ -102,15 +85,23 @@ def test_what_cannot_be_changed_is_said(viewer):
     assert "X9:9" in said(viewer, "summary")
 
 
-def test_a_box_is_added_and_removed(viewer, walk):
-    viewer.add_box()
-    (box,) = viewer.live.graph.obstacles
-    assert "obstacles/0" in viewer.page.nodes
-    assert f"handles/{box.id}" in viewer.page.nodes
-    viewer.clear()
-    assert not viewer.live.graph.obstacles
-    assert f"handles/{box.id}" not in viewer.page.nodes
-    assert viewer.live.plan.stances == walk.stances
+def test_a_plan_is_drawn_with_its_footholds(viewer, walk):
+    drawn, grasp_map = viewer.page.nodes, viewer.live.graph.grasp_map
+    held = [*walk.stances[0], *(step.to_point for step in walk.steps)]
+    for k, point in enumerate(held):
+        place = grasp_map.positions[grasp_map.index(point)]
+        np.testing.assert_allclose(drawn[f"plan/foothold{k}"].position, place)
+    for k, position in enumerate(walk.motion.base_positions):
+        np.testing.assert_allclose(drawn[f"plan/stance{k}"].position, position)
+    assert f"plan/foothold{len(held)}" not in drawn
+    assert f"plan/stance{len(walk.stances)}" not in drawn
+
+
+def test_obstacles_of_the_world_are_drawn(viewer):
+    box = Box.between("crate", "obstacle", (0.2, 0.0, 0.0), (0.4, 0.3, 0.1))
+    viewer.change(lambda: viewer.live.graph.add_obstacles([box]))
+    vertices = node(viewer, "obstacles/0").vertices
+    np.testing.assert_allclose([vertices.min(axis=0), vertices.max(axis=0)], box.bounds, atol=1e-6)
 
 
 def test_colours_tell_of_the_stance_that_is_shown(viewer):
@@ -126,12 +117,12 @@ def test_colours_tell_of_the_stance_that_is_shown(viewer):
 def test_without_a_plan_no_robot_is_shown(page, live):
     """Not even at first, when there was no other."""
     live.plan = None
-    live.set_start_point(1, "O2a:4")
+    live.replan(start=("D2a:4", "O2a:4"))
     viewer = viewers.Viewer(page, live)
     add_panel(viewer)
     assert "No plan" in said(viewer, "summary")
     assert not node(viewer, "robot").visible
-    viewer.change(lambda: live.set_start_point(1, "D2b:4"))
+    viewer.change(lambda: live.replan(start=("D2a:4", "D2b:4")))
     assert live.plan is not None
     assert node(viewer, "robot").visible
 
