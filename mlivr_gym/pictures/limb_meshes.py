@@ -8,8 +8,9 @@ part in physics or in checks of collisions.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.robot.visuals import Visual
+from mlivr_gym.robot.visuals import MESH_FORMATS, Visual
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -74,32 +75,13 @@ def _arm_meshes(name: str) -> tuple[LimbMesh, ...]:
 
 
 @cache
-def _is_read(visual: Visual) -> bool:
-    """Return whether MuJoCo can read a mesh file."""
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    spec.add_material(name="matt")
-    _add_mesh(spec, spec.worldbody, "mesh", _mesh_of(visual), (0.0, 0.0, 0.0, 1.0))
-    try:
-        spec.compile()
-    except ValueError:
-        return False
-    return True
-
-
-def _mesh_of(visual: Visual) -> LimbMesh:
-    """Return the mesh of a file."""
-    shape = {"file": visual.file, "scale": visual.scale}
-    return LimbMesh(
-        visual.link, visual.colour, shape, {"pos": visual.position, "quat": visual.quaternion}
-    )
-
-
-@cache
 def _meshes_of_files(visuals: tuple[Visual, ...]) -> tuple[LimbMesh, ...]:
-    """Return the meshes of files; those that cannot be read are named in one warning."""
-    missing = [visual for visual in visuals if not _is_read(visual)]
+    """Return the meshes of files; one warning names those that are missing or of another format."""
+    missing = [
+        visual
+        for visual in visuals
+        if Path(visual.file).suffix.lower() not in MESH_FORMATS or not Path(visual.file).is_file()
+    ]
     if missing:
         warnings.warn(
             f"{len(missing)} of {len(visuals)} visual meshes are not found or not STL or OBJ, the "
@@ -107,7 +89,16 @@ def _meshes_of_files(visuals: tuple[Visual, ...]) -> tuple[LimbMesh, ...]:
             "drawn by their capsules (folders of package:// names are given with package_dirs)",
             stacklevel=2,
         )
-    return tuple(_mesh_of(visual) for visual in visuals if visual not in missing)
+    return tuple(
+        LimbMesh(
+            visual.link,
+            visual.colour,
+            {"file": visual.file, "scale": visual.scale},
+            {"pos": visual.position, "quat": visual.quaternion},
+        )
+        for visual in visuals
+        if visual not in missing
+    )
 
 
 def limb_meshes(robot: RobotSpec, limb: int) -> tuple[LimbMesh, ...]:
@@ -134,8 +125,13 @@ def show_limbs(spec: Any, robot: RobotSpec, capsules: bool = False) -> None:
             if geom.parent.name in covered:
                 geom.rgba[3] = 0.0
         for k, mesh in enumerate(meshes):
-            body, colour = spec.body(body_of(i, mesh.link)), mesh.colour or rgba(LIMB_COLOURS[i])
-            _add_mesh(spec, body, f"limb{i}/mesh/{k}", mesh, colour)
+            name, colour = f"limb{i}/mesh/{k}", mesh.colour or rgba(LIMB_COLOURS[i])
+            shell = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            spec.add_mesh(name=name, inertia=shell, **mesh.shape)
+            spec.body(body_of(i, mesh.link)).add_geom(
+                name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour,
+                **mesh.place, **UNCHECKED,
+            )  # fmt: skip
         for k, (body, joint, end) in enumerate(joint_rods(robot, i)):
             if body not in covered:
                 spec.body(body).add_geom(
@@ -143,17 +139,6 @@ def show_limbs(spec: Any, robot: RobotSpec, capsules: bool = False) -> None:
                     fromto=[*joint, *end], size=[JOINT_RADIUS, 0, 0], rgba=JOINT_COLOUR,
                     **UNCHECKED,
                 )  # fmt: skip
-
-
-def _add_mesh(spec: Any, body: Any, name: str, mesh: LimbMesh, colour: Sequence[float]) -> None:
-    """Add a mesh to a body of a scene."""
-    import mujoco
-
-    spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL, **mesh.shape)
-    body.add_geom(
-        name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, rgba=colour, **mesh.place,
-        **UNCHECKED,
-    )  # fmt: skip
 
 
 def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]]:

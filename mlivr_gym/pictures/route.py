@@ -92,21 +92,24 @@ class Route(NamedTuple):
             ),
         )
 
+    def balls(self) -> list[tuple[Array, float, str]]:
+        """Return position [m], radius [m] and colour of the balls at stances and footholds."""
+        balls = [(position, STANCE_RADIUS, BASE_COLOUR) for position in self.stances]
+        return balls + [
+            (hold.position, FOOTHOLD_RADIUS, LIMB_COLOURS[hold.limb]) for hold in self.footholds
+        ]
+
     def add_to(self, scene: Any) -> None:
         """Add the route to a `mujoco.MjvScene`, up to the scene's capacity.
 
         The base path is a green tube with a ball at each stance, the goal region a translucent
         ball, and footholds are balls in the colour of their limb.
         """
-        green, gold = rgba(BASE_COLOUR), rgba(GOAL_COLOUR, GOAL_OPACITY)
         for a, b in zip(self.line, self.line[1:], strict=False):
-            add_capsule(scene, np.stack([a, b]), PATH_RADIUS, green)
-        for position in self.stances:
-            add_ball(scene, position, STANCE_RADIUS, green)
-        for foothold in self.footholds:
-            colour = rgba(LIMB_COLOURS[foothold.limb])
-            add_ball(scene, foothold.position, FOOTHOLD_RADIUS, colour)
-        add_ball(scene, self.goal, self.goal_tolerance, gold)
+            add_capsule(scene, np.stack([a, b]), PATH_RADIUS, rgba(BASE_COLOUR))
+        for position, radius, colour in self.balls():
+            add_ball(scene, position, radius, rgba(colour))
+        add_ball(scene, self.goal, self.goal_tolerance, rgba(GOAL_COLOUR, GOAL_OPACITY))
 
     def labels(self) -> list[Label]:
         """Return the labels: numbers of stances and footholds.

@@ -19,16 +19,9 @@ from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.robot_shapes import geom_corners
-from mlivr_gym.pictures.route import (
-    FOOTHOLD_RADIUS,
-    GOAL_OPACITY,
-    PATH_RADIUS,
-    STANCE_RADIUS,
-    Route,
-    plan_base_path,
-)
+from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS, Route, plan_base_path
 from mlivr_gym.robot.link_frames import rigid
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec, set_configuration
 from mlivr_gym.viewer.live_plan import Marks
@@ -176,13 +169,10 @@ def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None, previous: Plan
         page.line("plan/previous", path, pale, 1.6 * PATH_RADIUS)
     if plan is None:
         return
-    route, green = Route.of(grasp_map, plan), to_rgba(BASE_COLOUR)
-    page.line("plan/path", route.line, green, 2.0 * PATH_RADIUS)
-    for k, position in enumerate(route.stances):
-        page.ball(f"plan/stance{k}", position, STANCE_RADIUS, green)
-    for k, hold in enumerate(route.footholds):
-        colour = to_rgba(LIMB_COLOURS[hold.limb])
-        page.ball(f"plan/foothold{k}", hold.position, FOOTHOLD_RADIUS, colour)
+    route = Route.of(grasp_map, plan)
+    page.line("plan/path", route.line, to_rgba(BASE_COLOUR), 2.0 * PATH_RADIUS)
+    for k, (position, radius, colour) in enumerate(route.balls()):
+        page.ball(f"plan/ball{k}", position, radius, to_rgba(colour))
     for k, (position, text, _) in enumerate(route.labels()):
         page.label(f"plan/number{k}", text, position)
 

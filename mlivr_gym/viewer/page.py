@@ -148,10 +148,6 @@ class Page:
         item.on_update(changed)
         self.items[name] = item
 
-    def text(self, name: str, content: str = "") -> None:
-        """Add a text in Markdown."""
-        self.items[name] = self.gui.add_markdown(content)
-
     def write(self, name: str, content: str) -> None:
         """Change a text, if the page has a panel with it."""
         item = self.items.get(name)

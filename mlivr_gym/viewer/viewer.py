@@ -197,17 +197,17 @@ class Viewer:
 def add_panel(viewer: Viewer) -> None:
     """Add the panel, and connect the page with the viewer's methods."""
     page, gui = viewer.page, viewer.page.gui
-    page.text("summary")
+    page.items["summary"] = gui.add_markdown("")
     page.item("time", gui.add_slider("time [s]", 0.0, 0.1, 0.01, 0.0), viewer.scrub)
     gui.add_button("Play or pause").on_click(lambda _: viewer.toggle())
     speed = gui.add_dropdown("speed", SPEEDS, initial_value=f"{viewer.speed:g}x")
     page.item("speed", speed, lambda chosen: setattr(viewer, "speed", float(chosen[:-1])))
     clicks = gui.add_dropdown("a click on a point", (EXPLAIN, BLOCK), initial_value=viewer.click)
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
-    page.text("explanation")
+    page.items["explanation"] = gui.add_markdown("")
     reach = gui.add_checkbox("points within reach", viewer.reach_shown)
     page.item("reach", reach, viewer.show_reach)
-    page.text("legend")
+    page.items["legend"] = gui.add_markdown("")
     for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
             lambda event, points=points: viewer.clicked(int(points[event.instance_index]))

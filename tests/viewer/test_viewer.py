@@ -88,13 +88,11 @@ def test_what_cannot_be_changed_is_said(viewer):
 def test_a_plan_is_drawn_with_its_footholds(viewer, walk):
     drawn, grasp_map = viewer.page.nodes, viewer.live.graph.grasp_map
     held = [*walk.stances[0], *(step.to_point for step in walk.steps)]
-    for k, point in enumerate(held):
-        place = grasp_map.positions[grasp_map.index(point)]
-        np.testing.assert_allclose(drawn[f"plan/foothold{k}"].position, place)
-    for k, position in enumerate(walk.motion.base_positions):
-        np.testing.assert_allclose(drawn[f"plan/stance{k}"].position, position)
-    assert f"plan/foothold{len(held)}" not in drawn
-    assert f"plan/stance{len(walk.stances)}" not in drawn
+    points = grasp_map.positions[[grasp_map.index(point) for point in held]]
+    places = np.concatenate([walk.motion.base_positions, points])
+    for k, position in enumerate(places):
+        np.testing.assert_allclose(drawn[f"plan/ball{k}"].position, position)
+    assert f"plan/ball{len(places)}" not in drawn
 
 
 def test_obstacles_of_the_world_are_drawn(viewer):
