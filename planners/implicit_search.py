@@ -110,8 +110,8 @@ class Block:
 
     def part(self, some: slice) -> Block:
         """Return some of them."""
-        arrays = self.stances, self.lower_bounds, self.keys
-        return Block(self.parent, self.cost, *(one[some] for one in arrays))
+        bounds, keys = self.lower_bounds[some], self.keys[some]
+        return Block(self.parent, self.cost, self.stances[some], bounds, keys)
 
 
 class ImplicitSearch(PathSearch):
