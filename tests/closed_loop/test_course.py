@@ -45,7 +45,7 @@ def test_what_remains_is_followed_without_a_search_until_it_is_blocked(
     best = planner.plan(START, GOAL, cost)
     start, state = graph.state(START), after_step(graph, best.unwrap())
     rest = planner.plan(state, GOAL, cost).unwrap()
-    worse = planner.plan(state, GOAL, cost, options=SearchOptions("greedy", "consistent"))
+    worse = planner.plan(state, GOAL, cost, options=SearchOptions(method="greedy"))
     assert worse.unwrap().cost > rest.cost + 0.01
     course, asked = course_of(best, worse)
     course.replan(start)
