@@ -2,9 +2,10 @@
 
 The branches that `steps` keeps depend on those that the support limbs may be on: of two branches
 that come too close to each other one is removed, and the first swing that serves all is taken. A
-relaxed step removes a branch only if in the middles of the first intervals it is not kept beside
-any swing, whatever branches the other limbs are on. It keeps all that `steps` keeps for any label;
-if it keeps none, there is no step.
+relaxed step removes a branch only if it is not kept beside any swing, whatever branches the other
+limbs are on: what a support is close to alone is proved on the whole way, and what two limbs are
+close to is looked at in the middles of the first intervals. It keeps all that `steps` keeps for any
+label; if it keeps none, there is no step.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from mlivr_gym.collisions.followers import choose_branch
+from mlivr_gym.collisions.followers import WHOLE, choose_branch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
@@ -56,7 +57,7 @@ def _relax(step: StepRecord, context: StepContext, scratch: StepScratch) -> None
     stances, robot, world = context.stances, context.robots[0], context.world
     begin(step, context, scratch)
     if world.stop == 0:
-        if follow(MIDDLES, step, context, scratch):
+        if follow(WHOLE, step, context, scratch):
             for i in range(robot.limb_count):
                 step.kept[i] = scratch.clear[i]
         return
@@ -64,7 +65,10 @@ def _relax(step: StepRecord, context: StepContext, scratch: StepScratch) -> None
     after = stances.releases[step.after, step.limb]
     if before.branches == 0 or after.branches == 0:
         return
+    # Most branches that are lost are lost in a middle, which is quick to see.
     if not each_alone(MIDDLES, step, context, scratch):
+        return
+    if not each_alone(WHOLE, step, context, scratch):
         return
     _find_apart(step, context, scratch)
     for fold in range(robot.fold_count):

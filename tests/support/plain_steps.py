@@ -93,9 +93,9 @@ class PlainStep:
             return None
         return {i: {f for f in (0, 1) if int(line["flips"][i]) >> f & 1} for i in standing}
 
-    def alone(self, whole=True, collisions=True):
+    def alone(self, collisions=True):
         """Pairs on which each limb follows, clear of all but other limbs; None without the base."""
-        if collisions and self.moved(whole=whole, base=True) is None:
+        if collisions and self.moved(base=True) is None:
             return None
         found = {}
         for i in self.held:
@@ -103,7 +103,7 @@ class PlainStep:
             compared = {"boxes": 1 << i, "itself": 1 << i} if collisions else {"placed": 1 << i}
             for branch in branches(self.wanted[i]):
                 flips = {f for b, f in self.wanted[i] if b == branch}
-                kept = self.moved({i: (branch, flips)}, whole=whole, **compared)
+                kept = self.moved({i: (branch, flips)}, **compared)
                 found[i] |= {(branch, f) for f in (kept or {i: ()})[i]}
         return found if all(found.values()) else None
 
@@ -185,15 +185,15 @@ class PlainStep:
         return folds + [(8 * b0 + b1, line) for b0, b1, *line in lines]
 
     def most(self, released=None):
-        """Pairs on which limbs may hold beside some swing, by first middles alone; see `check`.
+        """Pairs on which limbs may hold beside some swing; see `check`.
 
-        Of two limbs that hold each needs a pair that is clear of some of the other's.
+        What two limbs are close to is looked at in first middles alone. Of two limbs that hold each needs a pair that is clear of some of the other's.
         """
         none = {i: set() for i in self.held}
         if released is None:
-            return self.alone(whole=False, collisions=False) or none
+            return self.alone(collisions=False) or none
         first, last = (released[s][self.limb] for s in (self.before, self.after))
-        standing = self.alone(whole=False) if first.pairs and last.pairs else None
+        standing = self.alone() if first.pairs and last.pairs else None
         found = none
         for _, swing in self.swings(first, last) if standing else ():
             kept = self.beside(standing, swing, whole=False)

@@ -39,7 +39,7 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         for wanted in (every, *(some_masks(graph, rng) for _ in range(8))):
             _, kept, _ = asked(graph, limb, before, after, wanted, False)
             assert (kept["kept"] & ~most["kept"][0] == 0).all()
-        standing = of_step.alone(whole=False, collisions=False)
+        standing = of_step.alone(collisions=False)
         kind = "all" if found == standing else "less" if any(found.values()) else "none"
         kinds[kind] += 1
     assert kinds["all"] > 0
