@@ -187,7 +187,8 @@ class PlainStep:
     def most(self, released=None):
         """Pairs on which limbs may hold beside some swing; see `check`.
 
-        What two limbs are close to is looked at in first middles alone. Of two limbs that hold each needs a pair that is clear of some of the other's.
+        What two limbs are close to is looked at in first middles alone, and each needs a pair that
+        is clear of some of the other's.
         """
         none = {i: set() for i in self.held}
         if released is None:
