@@ -5,7 +5,8 @@ that come too close to each other one is removed, and the first swing that serve
 relaxed step removes a branch only if it is not kept beside any swing, whatever branches the other
 limbs are on: what a support is close to alone is proved on the whole way, and what two limbs are
 close to is looked at in the middles of the first intervals. It keeps all that `steps` keeps for any
-label; if it keeps none, there is no step.
+label; if it keeps none, there is no step. The step back is relaxed alike, since both are checked
+from the same end.
 """
 
 from __future__ import annotations

@@ -29,6 +29,15 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         for name in ("limb", "before", "after", "branches"):
             most[name][0] = step[name]
         checks.relax(most, stances, world)
+        back = most.copy()
+        back["before"], back["after"] = 1, 0
+        checks.relax(back, stances, world)
+        # Each has the branch sets of the stance that it leads to.
+        there, here = (
+            one["kept"][0, : graph.limbs] & stances.branch_sets[s]
+            for one, s in ((most, 0), (back, 1))
+        )
+        assert (there == here).all()
         plain = PlainChecks(graph, stances)
         releases = None
         if settings is None:
