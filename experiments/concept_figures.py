@@ -48,9 +48,11 @@ Span = tuple[float, float, float, float]
 
 
 def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) -> None:
-    """Draw shapes of a robot in a flat view, pale and with white edges."""
+    """Draw shapes of a robot in a flat view, pale and with grey edges."""
     drawn = [part._replace(colour=pale(part.colour, paleness)) for part in parts]
-    fill_parts(axes, view, drawn, edgecolor="white", linewidth=0.4, zorder=3 - paleness)
+    fill_parts(
+        axes, view, drawn, edgecolor=pale("0.4", paleness), linewidth=0.4, zorder=3 - paleness
+    )
 
 
 def shown(figure: Figure, place: Span, graph: TwoLimbGraph, view: View, span: Span) -> Any:
