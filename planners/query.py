@@ -156,8 +156,8 @@ class SearchOptions:
     limit: Annotated[int, Integer(1, MAX_EXPANSIONS)] = EXPANSIONS
     """Maximum number of expansions."""
     effort: Annotated[int | None, OrNone(Integer(1, MAX_EXPANSIONS))] = None
-    """Limit that is no less on a slow machine, other than a time limit: maximum number of
-    expansions, where each check of an edge or a node counts as several, see `PathSearch.effort`."""
+    """Limit that does not depend on the speed of the machine: maximum number of expansions, where
+    each check of an edge or a node counts as several, see `PathSearch.effort`."""
     progress: Annotated[Callable[[int], None] | None, OrNone(Function())] = None
     """Called from time to time with the number of expansions, by `"algorithm1"` and by searches
     that use no node table, see `searches`."""
