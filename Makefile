@@ -73,7 +73,6 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/overview.py
 	$(BIN)/python experiments/concept_figures.py
 	$(BIN)/python experiments/concept_labels.py
-	$(BIN)/python experiments/concept_certificate.py
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
 	$(BIN)/python experiments/random_layouts.py

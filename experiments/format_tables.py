@@ -17,13 +17,11 @@ import mlivr_gym.world.json_schema  # noqa: F401
 from mlivr_gym.json_schema import json_schema_of
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT
-from mlivr_gym.robot.numeric_limb import NUMERIC_LIMB
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB
-from mlivr_gym.robot.ssrms_limb import SSRMS_LIMB
 from mlivr_gym.robot.visuals import VISUAL
 from mlivr_gym.schema import Struct
 from mlivr_gym.simulation.recording import Recording
@@ -189,9 +187,7 @@ def tables() -> dict[str, str]:
             (
                 fields(robot),
                 fields(LIMB, title="A limb of the UR family, three parallel axes:"),
-                fields(SPHERICAL_WRIST_LIMB, title="A limb with a spherical wrist:"),
-                fields(SSRMS_LIMB, title="A limb of the SSRMS's kind:"),
-                fields(NUMERIC_LIMB, title="A limb of any six joints, solved numerically:"),
+                fields(CHAIN_LIMB, title="A limb told by the frames of its links:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),

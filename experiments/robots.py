@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from reports import ROOT, by_level, experiment, study_rows, table
 
-from mlivr_gym import Settings, SsrmsLimb, robot_spec, stance_graph
+from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import with_caption
@@ -87,7 +87,7 @@ def measured(task: int, name: str) -> dict[str, Any]:
     return {
         "limbs": robot.limbs,
         "arms": [
-            arm_of(limb) or ("SSRMS" if isinstance(limb, SsrmsLimb) else "iiwa 14")
+            arm_of(limb) or ("SSRMS" if limb.held_joint == 1 else "iiwa 14")
             for limb in robot.every_limb
         ],
         "mass_kg": robot.body_mass + sum(masses),

@@ -18,11 +18,9 @@ import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.chain_limb import ChainLimb
 from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.robot.spherical_wrist_limb import SphericalWristLimb
-from mlivr_gym.robot.ssrms_limb import SsrmsLimb
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
@@ -34,14 +32,12 @@ if TYPE_CHECKING:
 __all__ = [
     "Box",
     "Capsule",
+    "ChainLimb",
     "GraspMap",
     "Limb",
     "MlivrError",
-    "NumericLimb",
     "RobotSpec",
     "Settings",
-    "SphericalWristLimb",
-    "SsrmsLimb",
     "State",
     "__version__",
     "jem_map",

@@ -15,24 +15,14 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import has_bit
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.planners.bucket_queue import (
-    NO_ENTRY,
-    NodeQueue,
-    bucket_width,
-    pop,
-    push,
-    queue_lower_bound,
-)
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import CostWeights
+from mlivr_gym.planners.open_queue import CLOCK_INTERVAL, NO_ENTRY, NodeQueue, pop, push
 from mlivr_gym.stances.node_edges import row_of
 from mlivr_gym.stances.node_table import NodeTable
 
 INITIAL_CAPACITY = 1 << 21
 """Initial capacity of the queue, in addition to the goals."""
-
-CLOCK_INTERVAL = 1 << 14
-"""Maximum number of entries taken from the queue between two readings of the clock."""
 
 COMPLETE, QUEUE_FULL, PAUSED = 0, 1, 2
 """Why a call of `_search` ends."""
@@ -92,8 +82,7 @@ def costs_to_goal(
     is_start[starts] = True
     estimates = NodeCosts.rows(count)
     estimates["cost"], estimates["start_bound"] = np.inf, start_bounds
-    low = float(start_bounds[goals].min(initial=np.inf))
-    queue = NodeQueue.allocate(INITIAL_CAPACITY + int(goals.sum()), low, bucket_width(weights))
+    queue = NodeQueue.allocate(INITIAL_CAPACITY + int(goals.sum()))
     progress = BackwardProgress.row()
     progress["unreached_starts"], progress["limit"] = int(is_start.sum()), np.inf
     progress["extension_fraction"], progress["extension_amount"] = extension
@@ -142,21 +131,21 @@ def _search(
         if entry == NO_ENTRY:
             progress.final_estimate = np.inf
             return COMPLETE
-        if queue_lower_bound(queue) > progress.limit:
-            progress.final_estimate = queue_lower_bound(queue)
-            return COMPLETE
         s = int(queue.node[entry])
         if estimates[s].closed:
             continue
+        f = estimates[s].cost + estimates[s].start_bound
+        if f > progress.limit:
+            progress.final_estimate = f
+            return COMPLETE
         if queue.status.entry_count + degree(table, s) + 1 > len(queue.node):
-            push(queue, estimates[s].cost + estimates[s].start_bound, s)
+            push(queue, f, s)
             return QUEUE_FULL
         estimates[s].closed = True
         if is_start[s]:
             is_start[s] = False
             progress.unreached_starts -= 1
             if progress.unreached_starts == 0:
-                f = estimates[s].cost + estimates[s].start_bound
                 progress.limit = f * (1.0 + progress.extension_fraction) + progress.extension_amount
         _improve_predecessors(table, s, weights, estimates, queue)
 

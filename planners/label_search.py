@@ -7,10 +7,10 @@ and a label is dropped if labels of the same node that cost no more have all its
 (dominance). An edge that was not checked is assumed to keep its upper bound from the table, so the
 cheapest path over unchecked edges bounds the cost of every plan from below.
 
-With weight 1 of the cost and a consistent `h` the search sets labels, up to the order within a
-bucket of its queue: no label that is popped from a later bucket dominates it at less cost. With
-another weight it corrects labels: a node may be expanded again when a cheaper label reaches it. The
-result does not depend on that order, since the search ends by the lower bound of the queue alone.
+With weight 1 of the cost and a consistent `h` the search sets labels: no label that is popped later
+dominates it at less cost. With another weight, and where labels wait for a check, it corrects
+labels: a node may be expanded again when a cheaper label reaches it. The result does not depend on
+that order, since the search ends by the lower bound of the queue alone.
 """
 
 from __future__ import annotations
@@ -36,15 +36,6 @@ from mlivr_gym.compiled.limb_branch_sets import (
 )
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.backward_search import degree, edge_cost
-from mlivr_gym.planners.bucket_queue import (
-    NO_ENTRY,
-    bucket_width,
-    is_current_bucket_empty,
-    pop,
-    push,
-    queue_lower_bound,
-    requeue,
-)
 from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.planners.clock import UNLIMITED, Clock, OutOfTime
 from mlivr_gym.planners.costs import CostWeights
@@ -57,12 +48,22 @@ from mlivr_gym.planners.labels import (
     Labels,
     NodeOrigins,
     NodePath,
+    requeue_checked,
+)
+from mlivr_gym.planners.open_queue import (
+    CLOCK_INTERVAL,
+    NO_ENTRY,
+    least_estimate,
+    pop,
+    push,
+    requeue,
 )
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
 
-CLOCK_INTERVAL = 1 << 14
-"""Maximum number of labels taken from the queue between two readings of the clock."""
+CHECK_SPAN = 0.01
+"""How much larger the estimates of labels that are checked in one batch may be than the least one,
+as a base displacement, where displacements are charged [m]."""
 
 SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
@@ -133,6 +134,8 @@ class SearchStatus(Record):
     """Number of labels expanded."""
     pending: int
     """Number of labels whose edges or nodes are to be checked."""
+    pending_estimate: float
+    """Least estimate of these labels, infinite if there are none."""
 
 
 class SearchOutcome(NamedTuple):
@@ -192,9 +195,9 @@ def cheapest_path(
     for name, value in parameters._asdict().items():
         status[name] = value
     status["incumbent_cost"], status["incumbent"] = cost_limit, NO_LABEL
-    estimates = status["cost_weight"] * origins.cost + h[origins.nodes]
+    status["pending_estimate"] = np.inf
     labels.reset_nodes()
-    labels.queue.reset(float(estimates.min(initial=np.inf)), bucket_width(search_graph.weights))
+    labels.queue.reset()
     end = PAUSED
     with suppress(OutOfTime):
         while end in (PAUSED, CHECKS_PENDING):
@@ -202,18 +205,18 @@ def cheapest_path(
                 status["clock_interval"] = interval
                 end = int(_search(search_graph, h, status, origins, labels))
             if end == CHECKS_PENDING:
-                _check_pending(status, labels, check, check_nodes)
+                _check_pending(status, h, labels, check, check_nodes)
     if not status["initialised"]:
         return SearchOutcome(None, 0.0, end, 0)
     lower_bound, found = float(status["incumbent_cost"]), int(status["incumbent"])
     if end != SEARCH_COMPLETE:
-        lower_bound = min(lower_bound, labels.queue.lower_bound)
+        lower_bound = min(lower_bound, labels.queue.lower_bound, float(status["pending_estimate"]))
     path = None if found == NO_LABEL else labels.path_to(found)
     return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
 
 
 def _check_pending(
-    status: Any, labels: Labels, check: Check | None, check_nodes: NodeCheck | None
+    status: Any, h: Array, labels: Labels, check: Check | None, check_nodes: NodeCheck | None
 ) -> None:
     """Check the edges or nodes of pending labels, and push those that keep branches again."""
     pending = labels.pending[: int(status["pending"])]
@@ -222,11 +225,11 @@ def _check_pending(
         after = check(labels.edges[pending], labels.branch_sets[labels.parent[pending]])
     else:
         assert check_nodes is not None
-        pending = pending[::-1].copy()  # popped again in the same order
         check_nodes(labels.queue.node[pending].astype(np.int64))
         after = labels.branch_sets[pending]
-    requeue_checked(labels, pending, after)
-    status["pending"] = 0
+    estimates = status["cost_weight"] * labels.cost[pending] + h[labels.queue.node[pending]]
+    requeue_checked(labels, pending, estimates, after)
+    status["pending"], status["pending_estimate"] = 0, np.inf
 
 
 @entry
@@ -250,13 +253,15 @@ def _search(
         if count == status.clock_interval:
             return PAUSED
         count += 1
-        if status.pending and is_current_bucket_empty(queue):
+        span = CHECK_SPAN * search_graph.weights.base
+        if status.pending and least_estimate(queue) > status.pending_estimate + span:
             return CHECKS_PENDING
         label = pop(queue)
         if label == NO_ENTRY:
             return SEARCH_COMPLETE
         s, cost = int(queue.node[label]), labels.cost[label]
-        proved = queue_lower_bound(queue) >= status.cost_weight * status.incumbent_cost
+        f = status.cost_weight * cost + h[s]
+        proved = min(f, status.pending_estimate) >= status.cost_weight * status.incumbent_cost
         if status.incumbent != NO_LABEL and proved:
             return SEARCH_COMPLETE
         if not cost + h[s] < status.incumbent_cost:
@@ -266,6 +271,7 @@ def _search(
             if status.equal_only or not _is_dominated(labels, s, branch_sets, cost, label, status):
                 labels.pending[status.pending] = label
                 status.pending += 1
+                status.pending_estimate = min(status.pending_estimate, f)
                 if status.pending == (CHECK_BATCH if status.check_when_popped else NODE_BATCH):
                     return CHECKS_PENDING
             continue
@@ -278,11 +284,11 @@ def _search(
             status.incumbent, status.incumbent_cost = label, cost
             continue
         if queue.status.entry_count + degree(table, s) > min(len(queue.node), status.max_labels):
-            requeue(queue, label)
+            requeue(queue, f, label)
             return ARRAYS_FULL
         if not _is_dominated(labels, s, branch_sets, cost, label, status):
             if status.expanded >= status.max_expansions:
-                requeue(queue, label)
+                requeue(queue, f, label)
                 return EXPANSION_LIMIT
             labels.expanded[status.expanded] = label
             status.expanded += 1
@@ -388,13 +394,3 @@ def _is_dominated(
             count += 1
         other = labels.previous_of_node[other]
     return label < 0 and count >= status.labels_per_node
-
-
-@entry
-def requeue_checked(labels: Labels, pending: IntArray, after: NDArray[np.uint64]) -> None:
-    """Push labels that were checked back into the queue, unless no branch is kept."""
-    for k in range(len(pending)):
-        label = pending[k]
-        labels.branch_sets[label], labels.checked[label] = after[k], True
-        if after[k] != NO_BRANCHES:
-            requeue(labels.queue, label)

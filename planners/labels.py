@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.planners.bucket_queue import NodeQueue
+from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.limb_branch_sets import NO_BRANCHES
+from mlivr_gym.planners.open_queue import NodeQueue, requeue
 
 CAPACITY = 1 << 22
 """Maximum number of labels of a search."""
@@ -130,3 +132,15 @@ class NodeOrigins(NamedTuple):
     """Branches that the limbs may be on there, shape (k,)."""
     cost: Array
     """Cost of reaching each of them, shape (k,)."""
+
+
+@entry
+def requeue_checked(
+    labels: Labels, pending: IntArray, estimates: Array, after: NDArray[np.uint64]
+) -> None:
+    """Push labels that were checked back into the queue, unless no branch is kept, shape (k,)."""
+    for k in range(len(pending)):
+        label = pending[k]
+        labels.branch_sets[label], labels.checked[label] = after[k], True
+        if after[k] != NO_BRANCHES:
+            requeue(labels.queue, estimates[k], label)

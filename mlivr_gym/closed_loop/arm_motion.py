@@ -9,7 +9,7 @@ motion is not certified, unlike the steps of a walk.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -18,8 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.closed_loop.rrt_connect import connected
 from mlivr_gym.collisions.contacts import lies_behind
 from mlivr_gym.kinematics.grasps import grasp_rows
-from mlivr_gym.kinematics.holding import joints_along
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.time_scaling import quintic
 from mlivr_gym.motion.trajectory import FREE, Trajectory
@@ -155,11 +154,9 @@ class LimbMover:
                 q = held
             if not (np.isfinite(q).all() and (q <= self._high).all()):
                 continue
-            reference, out = Angles.row(), Angles.rows(LINE_SAMPLES)
-            reference["q"] = q
-            if joints_along(robots, self.limb, bases, flanges, branch, reference, out) < len(out):
+            line = joints_along(robots, self.limb, bases, flanges, branch, q)[::-1]
+            if len(line) < LINE_SAMPLES:
                 continue
-            line = out["q"][::-1].copy()
             inside = (line >= self._low).all() and (line <= self._high).all()
             smooth = np.abs(np.diff(line, axis=0)).max() < MAX_JUMP
             if inside and smooth and self._is_clear_along(line, handle):
@@ -218,7 +215,7 @@ def limb_trajectory(
         joint_accelerations=accelerations, base_positions=np.tile(position, (count, 1)),
         base_quaternions=np.tile(quaternion, (count, 1)), base_velocities=np.zeros((count, 6)),
         base_accelerations=np.zeros((count, 6)), grasps=grasps,
-        point_ids=tuple(graph.grasp_map.ids),
+        point_ids=tuple(graph.grasp_map.ids), joint_names=tuple(chain(*robot.named_joints)),
     )  # fmt: skip
 
 

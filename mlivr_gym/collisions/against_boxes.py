@@ -21,7 +21,7 @@ from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record, Vector
-from mlivr_gym.kinematics.poses import Pose, columns, dot, length, minus, out_of, vector
+from mlivr_gym.kinematics.poses import Pose, columns, dot, minus, out_of, vector
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -179,26 +179,20 @@ def compare_limb_with_boxes(
 def compare_base_with_boxes(
     robot: RobotModel,
     base: Pose,
-    motion: tuple[float, float],
     grid: BoxGrid,
     clearance: float,
     nothing: GraspSurface,
 ) -> int:
-    """Compare the body and the mounts of all limbs with boxes, at and around a base pose.
+    """Compare the body and the mounts of all limbs with boxes at a base pose.
 
-    The base may travel [m] and rotate [rad] by `motion` from there. `nothing` is a record that is
-    not read, since the base is at no grasp.
+    `nothing` is a record that is not read, since the base is at no grasp.
     """
-    travel, turn = motion
-    undecided = False
     for c in range(robot.base_capsule_count):
         capsule = robot.base_capsules[c]
         a, b = capsule_axis(capsule.ends)
         axis = out_of(base, a), out_of(base, b)
-        moves = travel + turn * length(a), travel + turn * length(b)
-        at_grasp = c < 0
-        result = compare_with_grid(axis, capsule.radius + clearance, moves, grid, nothing, at_grasp)
-        if result > UNDECIDED:
+        inner, at_grasp = capsule.radius + clearance, c < 0
+        result = compare_with_grid(axis, inner, (0.0, 0.0), grid, nothing, at_grasp)
+        if result != CLEAR:
             return result
-        undecided = undecided or result == UNDECIDED
-    return UNDECIDED if undecided else CLEAR
+    return CLEAR

@@ -16,8 +16,9 @@ from mlivr_gym.collisions.distances import (
     compare_capsule_with_box,
     compare_capsules,
 )
+from mlivr_gym.collisions.joint_lines import LimbPlace, travel
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Placed, Shapes, axis_of, capsule_axis, motion_from_link
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import minus, vector
@@ -62,18 +63,22 @@ def compare_capsule_pair(
 
 @kernel
 def compare_limb_with_itself(
-    limb: LimbModel, shapes: Shapes, placed: Placed, pending: int, clearance: float
+    limb: LimbModel, placed: LimbPlace, pending: int, clearance: float
 ) -> tuple[int, int]:
     """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
-    undecided, ends = 0, shapes.ends
+    undecided, ends = 0, placed.in_body.ends
     for k in range(limb.pair_count):
         if not has(pending, k):
             continue
         i, j = limb.pairs[k, 0], limb.pairs[k, 1]
-        first, second = limb.capsules[i], limb.capsules[j]
+        first, second, axis = limb.capsules[i], limb.capsules[j], axis_of(ends, limb.pairs[k, 1])
         inner = first.radius + second.radius + clearance
-        moves = motion_from_link(first.link, second, placed)
-        result = compare_capsule_pair(axis_of(ends, j), axis_of(ends, i), inner, 0.0, moves)
+        # The joints between the two links move the second as seen from the first.
+        moves = (
+            travel(placed, first.link, second.link, axis[0]),
+            travel(placed, first.link, second.link, axis[1]),
+        )
+        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
         if result == SELF:
             return SELF, undecided
         if result == UNDECIDED:

@@ -8,10 +8,14 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, below, has
+from mlivr_gym.collisions.placement import Shapes
+from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, EVERY, below, has
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.records import Record
+from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.robot.specification import MOST_LIMBS
+
+MOST_RESTING = BRANCHES * (MOST_LIMBS - 1)
+"""Largest number of configurations of limbs at rest."""
 
 
 class Compared(Record):
@@ -32,6 +36,19 @@ class Compared(Record):
     """Limb that the first one is compared with, -1 for none."""
     resting: bool
     """Whether the first limb is compared with the limbs at rest."""
+    placed: int
+    """Set of limbs that are placed even if nothing is compared with them."""
+
+
+class RestingLimbs(Record):
+    """Configurations of limbs at rest."""
+
+    count: int
+    """Number of configurations."""
+    limb: Annotated[IntArray, (MOST_RESTING,), np.int64]
+    """Limb of each configuration."""
+    shapes: Annotated[Rows[Shapes], (MOST_RESTING,)]
+    """Capsules of each configuration in the body frame."""
 
 
 class LineInterval(Record):
@@ -40,7 +57,9 @@ class LineInterval(Record):
     middle: float
     """Its middle, as a fraction of the line."""
     half: float
-    """Half its length."""
+    """Half its length; 0 if its middle alone is compared."""
+    number: int
+    """Number of the interval: 1 for the whole line, 2 n and 2 n + 1 for the halves of n."""
     boxes: Annotated[IntArray, (MOST_LIMBS,), np.int64]
     """For each limb, set of capsules to compare with boxes."""
     itself: Annotated[IntArray, (MOST_LIMBS,), np.int64]
@@ -57,6 +76,7 @@ class LineInterval(Record):
 def begin_comparing(robot: RobotModel, compared: Compared, interval: LineInterval) -> None:
     """Set an interval to the whole line, with everything to be compared."""
     interval.middle = interval.half = 0.5
+    interval.number = 1
     for i in range(robot.limb_count):
         interval.boxes[i] = interval.itself[i] = interval.body[i] = EMPTY
         if has(compared.boxes, i):

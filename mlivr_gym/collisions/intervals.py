@@ -5,82 +5,62 @@ compared with the radii and the clearance, and with these plus how far the shape
 the middle to either end, see `joint_lines`. What is farther apart than the latter is clear on the
 whole interval, however thin it is; what is closer than the former is a collision. What is left
 undecided is compared again on both halves, down to `2^-MOST_HALVINGS` of the line, where it counts
-as a collision.
+as a collision. So is an interval on which it is not proved that a limb that holds follows the base.
 
 This one check serves all motions: departures, changes between folds, swings, and supports that
-carry the base.
+carry the base or follow it. Of a base that moves straight, limbs are placed once in the middle of
+each interval, whatever they are then compared with.
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.against_boxes import (
-    GraspSurface,
     compare_with_grid,
 )
 from mlivr_gym.collisions.against_robot import (
-    compare_capsule_pair,
     compare_limb_with_body,
+    compare_limb_with_itself,
     compare_limbs,
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.compared import (
-    Compared,
     LineInterval,
     begin_comparing,
     copy_pending,
 )
-from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
+from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
-    JointLine,
+    STRAIGHT,
     LimbPlace,
-    place_base,
-    place_limb,
+    base_travel,
     travel,
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.motion import RestingLimbs
 from mlivr_gym.collisions.placement import axis_of, capsule_axis
+from mlivr_gym.collisions.places import MOST_HALVINGS, LineScratch, place_robot
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.kinematics.poses import Pose, out_of
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.kinematics.poses import length, minus, out_of, vector
 
-MOST_HALVINGS = 10
-"""An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 FIRST_TURN = 4.0
 """Sum of the turns of a limb up to which a line is one interval at first [rad]; affects the speed
 only."""
 
+FIRST_SHIFT = 0.5
+"""Shift of a base that moves straight up to which its way is one interval at first [m], likewise a
+turn of one radian; affects the speed only."""
+
+HALFWAY = 3
+"""Link from which on the travel of a limb that follows is bounded from its grasp, and not from the
+body."""
+
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
-
-
-class LineScratch(Record):
-    """A line, what is compared on it, and the scratch of its check."""
-
-    line: JointLine
-    compared: Compared
-    surface: GraspSurface
-    """The grasp at which the gripper of the first limb is, if any."""
-    resting: RestingLimbs
-    """The limbs at rest."""
-    placed: Annotated[Rows[LimbPlace], (MOST_LIMBS,)]
-    """Limbs in the middle of an interval."""
-    base: Pose
-    """Base there."""
-    intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]
-    """Stack of intervals."""
-    pending: LineInterval
-    """The comparisons that remain for all of several lines."""
-    is_leader: bool
-    """Whether it was the base or its leader, without the other limbs, that was not clear."""
-    jacobian: Annotated[Array, (6, 6)]
-    """Scratch of a determinant."""
 
 
 @kernel
@@ -90,8 +70,12 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
     Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
     """
     line, most, parts = scratch.line, 0.0, 1
+    if line.leader == STRAIGHT:
+        path = line.path
+        shift = length(minus(vector(path.last.position), vector(path.first.position)))
+        most = FIRST_TURN * (shift / FIRST_SHIFT + path.angle)
     for i in range(robot.limb_count):
-        if has(scratch.compared.boxes | scratch.compared.itself, i):
+        if has(scratch.compared.boxes | scratch.compared.itself, i) and line.leader != STRAIGHT:
             turned = 0.0
             for j in range(6):
                 turned += abs(line.last[i].q[j] - line.first[i].q[j])
@@ -103,6 +87,7 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
         interval = scratch.intervals[0]
         begin_comparing(robot, scratch.compared, interval)
         interval.middle, interval.half = (k + 0.5) / parts, 0.5 / parts
+        interval.number = parts + k
         result = check_pending(robot, grid, clearance, scratch)
         if result != CLEAR:
             return result
@@ -116,8 +101,9 @@ def check_pending(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: L
     while top > 0:
         top -= 1
         interval = intervals[top]
-        _place(robot, interval, scratch)
-        result = _compare(robot, grid, clearance, interval, scratch)
+        result = place_robot(robot, interval, scratch)
+        if result == CLEAR:
+            result = _compare(robot, grid, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
         if result == UNDECIDED:
@@ -138,8 +124,32 @@ def check_around(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Li
     interval, where those that are undecided remain.
     """
     interval = scratch.intervals[0]
-    _place(robot, interval, scratch)
+    place_robot(robot, interval, scratch)
     return _compare(robot, grid, clearance, interval, scratch)
+
+
+@kernel
+def check_middles(
+    robot: RobotModel, grid: BoxGrid, clearance: float, count: int, scratch: LineScratch
+) -> int:
+    """Check the line in `scratch` in the middles of its intervals of numbers below `count`.
+
+    Returns the cause of a collision there, or else `CLEAR`. This is quick, and a line on which
+    there is a collision is not clear.
+    """
+    interval, parts = scratch.intervals[0], 1
+    for number in range(1, count):
+        if number == 2 * parts:
+            parts *= 2
+        begin_comparing(robot, scratch.compared, interval)
+        interval.middle, interval.half = (number - parts + 0.5) / parts, 0.0
+        interval.number = number
+        result = place_robot(robot, interval, scratch)
+        if result <= UNDECIDED:
+            result = _compare(robot, grid, clearance, interval, scratch)
+        if result > UNDECIDED:
+            return result
+    return CLEAR
 
 
 @part
@@ -148,32 +158,9 @@ def _halve(first: LineInterval, second: LineInterval) -> None:
     half = 0.5 * first.half
     second.middle, second.half = first.middle + half, half
     first.middle, first.half = first.middle - half, half
+    first.number *= 2
+    second.number = first.number + 1
     copy_pending(first, second)
-
-
-@part
-def _place(robot: RobotModel, interval: LineInterval, scratch: LineScratch) -> None:
-    """Place the limbs and the base that an interval needs."""
-    line, compared = scratch.line, scratch.compared
-    in_world = interval.base
-    for i in range(robot.limb_count):
-        in_world = in_world or interval.boxes[i] != 0
-    for i in range(robot.limb_count):
-        # All capsules of a limb are needed where others are compared with them.
-        capsules = interval.boxes[i] | interval.body[i]
-        if interval.itself[i] or (interval.limbs and i in (compared.first, compared.second)):
-            capsules = EVERY
-        if capsules or (in_world and i == line.leader):
-            middle, half = interval.middle, interval.half
-            place_limb(robot.limbs[i], line, middle, half, capsules, scratch.placed[i])
-    if in_world and line.leader >= 0:
-        leader = robot.limbs[line.leader]
-        place_base(leader, scratch.placed[line.leader], line.grasp, scratch.base)
-    elif in_world:
-        for k in range(3):
-            scratch.base.position[k] = line.base.position[k]
-            for c in range(3):
-                scratch.base.rotation[k, c] = line.base.rotation[k, c]
 
 
 @part
@@ -186,7 +173,7 @@ def _compare(
     """
     scratch.is_leader = True
     if interval.base:
-        result = _compare_base(robot, grid, clearance, scratch)
+        result = _compare_base(robot, grid, clearance, interval.half, scratch)
         if result > UNDECIDED:
             return result
         interval.base = result == UNDECIDED
@@ -214,15 +201,15 @@ def _compare(
 
 
 @kernel
-def _compare_base(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+def _compare_base(
+    robot: RobotModel, grid: BoxGrid, clearance: float, half: float, scratch: LineScratch
+) -> int:
     """Compare the body and the mounts with boxes."""
-    leader, undecided = scratch.line.leader, False
+    undecided = False
     for c in range(robot.base_capsule_count):
         capsule = robot.base_capsules[c]
         a, b = capsule_axis(capsule.ends)
-        moves = 0.0, 0.0
-        if leader >= 0:
-            moves = travel(scratch.placed[leader], 0, 6, a), travel(scratch.placed[leader], 0, 6, b)
+        moves = _with_base(half, a, scratch), _with_base(half, b, scratch)
         is_far = max(moves[0], moves[1]) > FAR
         if is_far:
             moves = 0.0, 0.0
@@ -236,6 +223,15 @@ def _compare_base(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: L
 
 
 @kernel
+def _with_base(half: float, p: Triple, scratch: LineScratch) -> float:
+    """Bound how far a point of the body travels in the world on half an interval [m]."""
+    leader = scratch.line.leader
+    if leader >= 0:
+        return travel(scratch.placed[leader], 0, 6, p)
+    return base_travel(scratch.move, half, p) if leader == STRAIGHT else 0.0
+
+
+@kernel
 def _compare_limb(
     i: int,
     robot: RobotModel,
@@ -245,15 +241,15 @@ def _compare_limb(
     scratch: LineScratch,
 ) -> int:
     """Compare one limb with boxes, itself and the body."""
-    limb, placed = robot.limbs[i], scratch.placed[i]
+    limb, placed = robot.limbs[i], scratch.placed[scratch.at[i]]
     if interval.boxes[i]:
         result, interval.boxes[i] = _compare_with_boxes(
-            limb, interval.boxes[i], placed, grid, clearance, scratch
+            limb, interval, placed, grid, clearance, scratch
         )
         if result > UNDECIDED:
             return result
     if interval.itself[i]:
-        result, interval.itself[i] = _compare_with_itself(
+        result, interval.itself[i] = compare_limb_with_itself(
             limb, placed, interval.itself[i], clearance
         )
         if result > UNDECIDED:
@@ -271,25 +267,25 @@ def _compare_limb(
 @kernel
 def _compare_with_boxes(
     limb: LimbModel,
-    pending: int,
+    interval: LineInterval,
     placed: LimbPlace,
     grid: BoxGrid,
     clearance: float,
     scratch: LineScratch,
 ) -> tuple[int, int]:
     """Compare capsules of a limb with boxes; return a result and those that are undecided."""
-    leader, base, undecided = scratch.line.leader, scratch.base, EMPTY
+    line, base, half, undecided = scratch.line, scratch.base, interval.half, EMPTY
+    holds = line.leader == limb.index or has(line.follows, limb.index)
     for c in range(limb.capsule_count):
-        if not has(pending, c):
+        if not has(interval.boxes[limb.index], c):
             continue
         capsule, (a, b) = limb.capsules[c], axis_of(placed.in_body.ends, c)
-        at_a, at_b = placed.in_body.motion[c, 0], placed.in_body.motion[c, 1]
-        if leader == limb.index:
+        if holds and (capsule.link >= HALFWAY or line.leader >= 0):
             # Seen from its grasp, the joints beyond the link move it.
             at_a, at_b = travel(placed, capsule.link, 6, a), travel(placed, capsule.link, 6, b)
-        elif leader >= 0:
-            at_a += travel(scratch.placed[leader], 0, 6, a)
-            at_b += travel(scratch.placed[leader], 0, 6, b)
+        else:
+            at_a = placed.in_body.motion[c, 0] + _with_base(half, a, scratch)
+            at_b = placed.in_body.motion[c, 1] + _with_base(half, b, scratch)
         # Of what travels far only a collision in the middle can be told, without a wide search.
         is_far = max(at_a, at_b) > FAR
         moves = (0.0, 0.0) if is_far else (at_a, at_b)
@@ -307,43 +303,18 @@ def _compare_with_boxes(
 
 
 @kernel
-def _compare_with_itself(
-    limb: LimbModel, placed: LimbPlace, pending: int, clearance: float
-) -> tuple[int, int]:
-    """Compare the capsules of a limb with each other; return a result and the undecided pairs."""
-    undecided, ends = EMPTY, placed.in_body.ends
-    for k in range(limb.pair_count):
-        if not has(pending, k):
-            continue
-        i, j = limb.pairs[k, 0], limb.pairs[k, 1]
-        first, second, axis = limb.capsules[i], limb.capsules[j], axis_of(ends, limb.pairs[k, 1])
-        inner = first.radius + second.radius + clearance
-        # The joints between the two links move the second as seen from the first.
-        moves = (
-            travel(placed, first.link, second.link, axis[0]),
-            travel(placed, first.link, second.link, axis[1]),
-        )
-        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
-        if result == SELF:
-            return SELF, undecided
-        if result == UNDECIDED:
-            undecided |= only(k)
-    return UNDECIDED if undecided else CLEAR, undecided
-
-
-@kernel
 def _compare_others(
     robot: RobotModel, clearance: float, interval: LineInterval, scratch: LineScratch
 ) -> int:
     """Compare the first limb with the second one, or with the limbs at rest."""
     compared, resting = scratch.compared, scratch.resting
-    limb, placed = robot.limbs[compared.first], scratch.placed[compared.first]
+    limb, placed = robot.limbs[compared.first], scratch.placed[scratch.at[compared.first]]
     if compared.second >= 0:
         result, interval.limbs = compare_limbs(
             limb,
             placed.in_body,
             robot.limbs[compared.second],
-            scratch.placed[compared.second].in_body,
+            scratch.placed[scratch.at[compared.second]].in_body,
             interval.limbs,
             clearance,
         )

@@ -10,12 +10,11 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.lengths import set_arm
+from mlivr_gym.kinematics.chain_record import set_chain
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.cargo import Cargo
-from mlivr_gym.robot.limb import BACK
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
@@ -27,14 +26,6 @@ MOST_MOUNTS = MOST_CAPSULES * MOST_LIMBS
 CARGO_CELLS = 4
 """Capsules that cover the cargo along each of its two shorter edges: fewer would protrude more."""
 
-OFFSET_PAIRS = {(3, 5): 2, (4, 6): 1}
-"""Pairs of links two joints apart that an offset can separate, and the axis of that offset.
-
-It is an axis of the first link: 1 is y, 2 is z. The forearm moves in a plane normal to the axis of
-joint 4, and the wrist point lies off that plane by d4; wrist 1 lies normal to joint 5, and the
-flange axis lies off it by d5.
-"""
-
 
 class LimbCapsule(Record):
     """A capsule that moves with a limb."""
@@ -45,10 +36,6 @@ class LimbCapsule(Record):
     """Ends of its axis in the link frame [m]."""
     radius: float
     """Radius [m]."""
-    anchors: Annotated[IntArray, (2,), np.int64]
-    """Anchor of each end, from which its motion is bounded, see `placement`."""
-    anchor_distances: Annotated[Array, (2,)]
-    """Distance of each end from its anchor [m]."""
 
 
 class BodyCapsule(Record):
@@ -175,7 +162,7 @@ class LimbShapes:
         limb["index"], limb["capsule_count"], limb["pair_count"] = i, len(moving), len(pairs)
         limb["mount"]["position"][:] = spec.mount_positions[i]
         limb["mount"]["rotation"][:] = spec.mount_rotations[i]
-        set_arm(limb["arm"], kinematics.lengths, kinematics.windows, kinematics.family_code)
+        set_chain(limb["arm"], kinematics.steps, kinematics.senses, kinematics.windows)
         limb["gripper"] = sum(name != "gripper" for name in names)
         limb["first_on_axis"] = max(
             (c + 1 for c in range(len(moving)) if not on_axis[c]), default=0
@@ -185,9 +172,6 @@ class LimbShapes:
             row = limb["capsules"][c]
             row["link"], row["radius"] = min(LINKS.index(capsule.link), 6), capsule.radius
             row["ends"][:] = capsule.start, capsule.end
-            for e, end in enumerate(row["ends"]):
-                anchor, distance = _anchor(kinematics, int(row["link"]), end)
-                row["anchors"][e], row["anchor_distances"][e] = anchor, distance
         of_limb = limb["capsules"][: len(moving)]
         compared: IntArray = limb["pairs"][: len(pairs)]
         return ShapesOfLimb(names, of_limb["link"], of_limb["ends"], of_limb["radius"], compared)
@@ -325,25 +309,27 @@ def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -
         return row is None
     if spec.is_apart(first.link, second.link):
         return False
-    offsets = limb.side_offsets
-    if offsets is None:
-        return True
-    links = LINKS.index(first.link), min(LINKS.index(second.link), 6)
-    if OFFSET_PAIRS[links] == 2:
-        reach = max(float(np.linalg.norm(end)) for end in (second.start, second.end))
-        gap = offsets[0] - max(first.start[2], first.end[2]) - reach
-    else:
-        gap = min(first.start[1], first.end[1]) + offsets[1]
-    return gap < first.radius + second.radius
+    k = LINKS.index(first.link)
+    before, after = limb.steps[k], limb.steps[k + 1]
+    # Along the axis of the joint between them neither moves by its turns.
+    ends = np.array([first.start, first.end]) - before[:3, 3]
+    heights = ends @ before[:3, 2]
+    others = []
+    for x, y, z in (second.start, second.end):
+        middle = after[2, 3] + z * after[2, 2]
+        aside = np.hypot(x, y) * np.sqrt(max(1.0 - after[2, 2] ** 2, 0.0))
+        others += [middle - aside, middle + aside]
+    gap = max(min(others) - heights.max(), heights.min() - max(others))
+    return bool(gap < first.radius + second.radius)
 
 
 def _on_flange_axis(limb: AnyLimb, capsule: Capsule) -> bool:
-    """Return whether a capsule lies on the flange axis, which is the y axis of wrist 2 or none."""
-    (x, _, z), turn = limb.link_offsets[5]
-    if turn != BACK or x != 0.0 or z != 0.0:
+    """Return whether a capsule of wrist 2 lies on the flange axis."""
+    if capsule.link != "wrist_2":
         return False
-    across = [abs(end[k]) for end in (capsule.start, capsule.end) for k in (0, 2)]
-    return capsule.link == "wrist_2" and max(across) < 1e-9
+    tip, out = limb.steps[5, :3, 3], limb.steps[5, :3, 2]
+    across = [np.linalg.norm(np.cross(end - tip, out)) for end in (capsule.start, capsule.end)]
+    return bool(max(across) < 1e-9)
 
 
 def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
@@ -355,14 +341,3 @@ def _upper_arm_can_meet(base: Capsule, capsules: list[Capsule]) -> bool:
     return any(
         min(c.start[2], c.end[2]) - c.radius < off for c in capsules if c.link == "upper_arm"
     )
-
-
-def _anchor(limb: AnyLimb, link: int, end: Array) -> tuple[int, float]:
-    """Return the anchor of a capsule end, see `placement`, and its distance from that anchor [m].
-
-    `end` is given in the link frame [m]. Of several possible anchors the closest is taken.
-    """
-    options = limb.anchors[link]
-    arms = [(float(np.linalg.norm(end - np.array(place))), anchor) for anchor, place in options]
-    arm, anchor = min(arms)
-    return anchor, arm

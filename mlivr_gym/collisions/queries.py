@@ -19,10 +19,9 @@ from mlivr_gym.collisions.placement import Placed, capsule_axis, place, place_in
 from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import JointAxes
-from mlivr_gym.kinematics.families import branch_frames
+from mlivr_gym.kinematics.inverse import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
-from mlivr_gym.kinematics.poses import along, vector
+from mlivr_gym.kinematics.poses import along, dot, minus, vector
 
 
 class Surroundings(NamedTuple):
@@ -58,8 +57,6 @@ class QueryScratch(Record):
 
     placed: Placed
     """The limb that is checked."""
-    axes: JointAxes
-    """Joint axes of a branch."""
     surface: GraspSurface
     """The grasp at which the gripper is."""
 
@@ -83,10 +80,11 @@ def check_points(
         for c in range(limb.first_on_axis, limb.capsule_count):
             capsule = limb.capsules[c]
             a, b = capsule_axis(capsule.ends)
-            # Coordinates along the flange axis from the flange; on wrist 2 it is the y axis.
+            # Coordinates along the flange axis from the flange, in whose frame link 6 lies.
             at_a, at_b = a[2], b[2]
             if capsule.link != 6:
-                at_a, at_b = a[1] - limb.arm.d6, b[1] - limb.arm.d6
+                tip, out = vector(limb.arm.steps[5, 0]), vector(limb.arm.steps[5, 3])
+                at_a, at_b = dot(minus(a, tip), out), dot(minus(b, tip), out)
             point, normal = vector(grasp.point), vector(grasp.normal)
             axis = (
                 along(point, robot.tool_length - at_a, normal),
@@ -118,15 +116,9 @@ def remove_touching_branches(
     robot, scratch, remove = robots[0], scratch_rows[0], postures.all_branches[0]
     for n in range(start, stop):
         k = chosen[n]
-        still = (0.0, 0.0)
-        result = compare_base_with_boxes(
-            robot,
-            postures.base[k],
-            still,
-            surroundings.grid,
-            surroundings.clearance,
-            scratch.surface,
-        )
+        grid, clearance = surroundings.grid, surroundings.clearance
+        base = postures.base[k]
+        result = compare_base_with_boxes(robot, base, grid, clearance, scratch.surface)
         if result != CLEAR:
             postures.cause[k] = result
             for i in range(robot.limb_count):
@@ -160,7 +152,7 @@ def _check_branch(
     limb, placed, grasp = robot.limbs[i], scratch.placed, surroundings.grasps[postures.points[k, i]]
     base = postures.base[k]
     seen, _ = flange_seen(limb, base, grasp.flange)
-    if not branch_frames(limb.arm, seen, b, scratch.axes, placed.frames):
+    if not branch_frames(limb.arm, seen, b, placed.frames):
         return CLEAR + 1
     place(limb, placed.frames, placed.in_body)
     place_in_world(limb, base, placed.in_body, placed.in_world)

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
-from mlivr_gym.kinematics.arm import Arm, FlangeAxis, in_window
-from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
+from mlivr_gym.kinematics.chain import TURN, Chain, FlangeAxis, in_window
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles, branch_posture
 from mlivr_gym.kinematics.poses import Pose, columns, into, seen_from, vector
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class MountedArm(Record):
 
     mount: Pose
     """Limb base in the body frame."""
-    arm: Arm
+    arm: Chain
     """The arm."""
 
 
@@ -32,34 +32,6 @@ class Angles(Record):
 
     q: Joints
     """The angles [rad]."""
-
-
-class Track(Record):
-    """Joint angles of a limb that are followed along a path."""
-
-    q: Joints
-    """Where they are [rad]; NaN for none yet."""
-    low: Joints
-    """The least so far [rad]."""
-    high: Joints
-    """The largest so far [rad]."""
-    farthest: float
-    """The largest turn of a joint over one interval so far [rad]."""
-    turn: Joints
-    """The turns over the last interval [rad]; NaN for none yet."""
-    bend: float
-    """The largest change of a joint's turn from one interval to the next so far [rad]."""
-    base: Pose
-    """Base in the world."""
-
-
-@kernel
-def begin(track: Track) -> None:
-    """Start without joint angles."""
-    for joint in range(6):
-        track.q[joint], track.low[joint], track.high[joint] = np.nan, np.inf, -np.inf
-        track.turn[joint] = np.nan
-    track.farthest = track.bend = 0.0
 
 
 @kernel
@@ -86,10 +58,19 @@ def angles_at(
 ) -> bool:
     """Compute the joint angles with which a limb on one branch holds a flange pose [rad].
 
-    Base and flange are given in the world; for `slack` see `families.branch_angles`.
+    Base and flange are given in the world; for `slack` see `inverse.branch_angles`.
     """
     seen, x = flange_seen(limb, base, flange)
     return branch_angles(limb.arm, seen, x, branch, slack, q)
+
+
+@kernel
+def posture_at(
+    limb: MountedArm, base: Pose, flange: Pose, branch: int, q: Joints, frames: Array
+) -> bool:
+    """Compute joint angles as `angles_at` does, if singular too, and the frames of the links."""
+    seen, x = flange_seen(limb, base, flange)
+    return branch_posture(limb.arm, seen, x, branch, SINGULAR_TOO, q, frames)
 
 
 @entry
@@ -125,3 +106,35 @@ def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> No
         there = angles_at(limb, base, flange, branch, SINGULAR_TOO, q)
         for joint in range(6):
             q[joint] = in_window(q[joint], limb.arm.window[joint, 0]) if there else np.nan
+
+
+def joints_along(
+    robots: Any, i: int, bases: Any, flanges: Any, branch: int, reference: Array
+) -> Array:
+    """Return joint angles of a limb on a branch at many poses, continuous from given ones [rad].
+
+    Bases in the world are rows of `Pose`, shape (k,), or (1,) for one that stays; flanges likewise,
+    up to a half turn about their z axes. `reference`, shape (6,), has angles close to those at the
+    first pose, which determine windings and flip. The angles have shape (m, 6), where m is the
+    number of poses from the first on at which the branch exists. `robots` is a row of `RobotModel`.
+    """
+    out = Angles.rows(max(len(bases), len(flanges)))
+    _angles_along(robots, i, bases, flanges, branch, out)
+    joints: Array = out["q"]
+    gone = np.flatnonzero(np.isnan(joints[:, 0]))
+    joints = np.unwrap(joints[: gone[0] if len(gone) else None], axis=0)
+    if len(joints):
+        period = np.array([TURN] * 5 + [0.5 * TURN])
+        joints += period * np.round((reference - joints[0]) / period)
+    return joints
+
+
+@entry
+def _angles_along(robots: Any, i: int, bases: Any, flanges: Any, branch: int, out: Any) -> None:
+    """Fill rows of `Angles` with those at many poses, NaN where the branch does not exist."""
+    limb = robots[0].limbs[i]
+    for k in range(len(out)):
+        base, flange = bases[min(k, len(bases) - 1)], flanges[min(k, len(flanges) - 1)]
+        if not angles_at(limb, base, flange, branch, SINGULAR_TOO, out[k].q):
+            for joint in range(6):
+                out[k].q[joint] = np.nan

@@ -4,7 +4,7 @@
 1985; Chiacchio 1991 as extended by the paper) in NumPy. The planner uses the
 compiled forms below, which agree with them wherever no limb is singular:
 
-    w_m = |det J| / l_c^3, det J by `families.branch_terms`
+    w_m = |det J| / l_c^3, det J by `inverse.branch_sizes`
     w_b = det(sum_i K_i^-1)^(-1/2),   K_i = (S A_i)(S A_i)^T
 
 where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c,
@@ -14,16 +14,21 @@ where `A_i` is the base twist that limb i alone gives and `S = diag(1/l_c, 1/l_c
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
-from mlivr_gym.kinematics.arm import FlangeAxis, JointAxes
-from mlivr_gym.kinematics.families import joint_axes
+from mlivr_gym.kinematics.chain import FlangeAxis
+from mlivr_gym.kinematics.following import Matrix6
+from mlivr_gym.kinematics.inverse import branch_links
 from mlivr_gym.kinematics.limb import MountedArm
+from mlivr_gym.kinematics.poses import vector
+
+if TYPE_CHECKING:
+    from mlivr_gym.values import Triple
 
 
 def scaling(characteristic_length: float) -> Array:
@@ -68,9 +73,58 @@ def base_manipulability(
 class Inversion(Record):
     """Scratch of the inversion of a limb's Jacobian."""
 
-    axes: JointAxes
-    matrix: Annotated[Array, (6, 12)]
-    """Base twists of the joints, and beside them what becomes the inverse."""
+    matrix: Matrix6
+    """Base twists of the joints in columns, then the inverse of this."""
+    pivots: Annotated[IntArray, (6,), np.int64]
+    """Row that changed places with each row."""
+
+
+@kernel
+def _set_twist(limb: MountedArm, joint: int, o: Triple, z: Triple, l_c: float, a: Array) -> None:
+    """Write the base twist of a joint into a column, by a point on it and its axis."""
+    mount, place = limb.mount.rotation, limb.mount.position
+    (ox, oy, oz), (ax, ay, az) = vector(place), (0.0, 0.0, 0.0)
+    for c in range(3):
+        ox, ax = ox + mount[0, c] * o[c], ax + mount[0, c] * z[c]
+        oy, ay = oy + mount[1, c] * o[c], ay + mount[1, c] * z[c]
+        oz, az = oz + mount[2, c] * o[c], az + mount[2, c] * z[c]
+    a[0, joint] = (oy * az - oz * ay) / l_c
+    a[1, joint] = (oz * ax - ox * az) / l_c
+    a[2, joint] = (ox * ay - oy * ax) / l_c
+    a[3, joint], a[4, joint], a[5, joint] = ax, ay, az
+
+
+@kernel
+def _invert(a: Array, pivots: IntArray) -> bool:
+    """Invert a matrix in its place, shape (6, 6); return whether it is regular."""
+    for k in range(6):
+        pivot = k
+        for row in range(k + 1, 6):
+            if abs(a[row, k]) > abs(a[pivot, k]):
+                pivot = row
+        if abs(a[pivot, k]) < 1e-12:
+            return False
+        pivots[k] = pivot
+        if pivot != k:
+            for c in range(6):
+                a[k, c], a[pivot, c] = a[pivot, c], a[k, c]
+        scale = 1.0 / a[k, k]
+        a[k, k] = 1.0
+        for c in range(6):
+            a[k, c] *= scale
+        for row in range(6):
+            if row != k:
+                factor = a[row, k]
+                a[row, k] = 0.0
+                for c in range(6):
+                    a[row, c] -= factor * a[k, c]
+    for back in range(6):
+        k = 5 - back
+        pivot = pivots[k]
+        if pivot != k:
+            for row in range(6):
+                a[row, k], a[row, pivot] = a[row, pivot], a[row, k]
+    return True
 
 
 @kernel
@@ -82,50 +136,23 @@ def limb_information(
     The flange is given by its position and axis, `l_c` is the characteristic length [m]. Returned
     is whether the limb is away from its singularities.
     """
-    if not joint_axes(limb.arm, flange, branch, scratch.axes):
+    there, links = branch_links(limb.arm, flange, branch)
+    if not there:
         return False
-    a, axes, points = scratch.matrix, scratch.axes.axis, scratch.axes.point
-    mount, place = limb.mount.rotation, limb.mount.position
-    for k in range(6):
-        ox, oy, oz = place[0], place[1], place[2]
-        for c in range(3):
-            ox += mount[0, c] * points[k, c]
-            oy += mount[1, c] * points[k, c]
-            oz += mount[2, c] * points[k, c]
-        for row in range(3):
-            axis = 0.0
-            for c in range(3):
-                axis += mount[row, c] * axes[k, c]
-            a[3 + row, k] = axis
-        ax, ay, az = a[3, k], a[4, k], a[5, k]
-        a[0, k] = (oy * az - oz * ay) / l_c
-        a[1, k] = (oz * ax - ox * az) / l_c
-        a[2, k] = (ox * ay - oy * ax) / l_c
-        for c in range(6):
-            a[k, 6 + c] = 1.0 if c == k else 0.0
-    for k in range(6):
-        pivot = k
-        for row in range(k + 1, 6):
-            if abs(a[row, k]) > abs(a[pivot, k]):
-                pivot = row
-        if abs(a[pivot, k]) < 1e-12:
-            return False
-        if pivot != k:
-            for c in range(12):
-                a[k, c], a[pivot, c] = a[pivot, c], a[k, c]
-        scale = 1.0 / a[k, k]
-        for c in range(k, 12):
-            a[k, c] *= scale
-        for row in range(6):
-            if row != k:
-                factor = a[row, k]
-                for c in range(k, 12):
-                    a[row, c] -= factor * a[k, c]
+    a = scratch.matrix
+    _set_twist(limb, 0, links.f1.o, links.f1.z, l_c, a)
+    _set_twist(limb, 1, links.f2.o, links.f2.z, l_c, a)
+    _set_twist(limb, 2, links.f3.o, links.f3.z, l_c, a)
+    _set_twist(limb, 3, links.f4.o, links.f4.z, l_c, a)
+    _set_twist(limb, 4, links.f5.o, links.f5.z, l_c, a)
+    _set_twist(limb, 5, flange.p, flange.z, l_c, a)
+    if not _invert(a, scratch.pivots):
+        return False
     for i in range(6):
         for j in range(i + 1):
             total = 0.0
             for k in range(6):
-                total += a[k, 6 + i] * a[k, 6 + j]
+                total += a[k, i] * a[k, j]
             out[i, j] = total
             out[j, i] = total
     return True

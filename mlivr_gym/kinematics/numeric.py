@@ -2,8 +2,7 @@
 
 Any six hinges will do, as long as the flange lies on the last axis. The flange's position and axis
 do not depend on joint 6; the other five are found by damped least squares (Levenberg 1944) from
-stored postures, the `SEEDS` of `arm.NumericArm`. The wrist point W is the point of axis 6 that is
-nearest to axis 5. Frame i is fixed to link i, its z axis is joint i's, and its origin lies on that.
+stored postures, the seeds. The wrist point W is the point of axis 6 that is closest to axis 5.
 
 A **branch** is a name of the posture, three signs as those of the closed forms,
 
@@ -11,12 +10,9 @@ A **branch** is a name of the posture, three signs as those of the closed forms,
 
 where `shoulder` is 1 if W lies behind axes 1 and 2, `(z1 x z2) . (W - o1) < 0`, `elbow` is 1 if
 joint 3 is beyond the angle at which the arm is stretched, and `wrist` is 1 if joint 5 is beyond the
-angle at which axes 4 and 6 are nearest to one direction. A general arm may have two solutions with
+angle at which axes 4 and 6 are closest to one direction. A general arm may have two solutions with
 the same signs, and may pass from one to another without a singularity (Wenger 1992): of these a
-branch is the one that is found first, always the same for the same pose. A limb can hold on a path
-only if the solution it follows is that of its branch at both ends, see `numeric_path`, and a swept
-motion is clear only if each part of it ends where the next begins, see `collisions.sweep`. Paths on
-which the name changes are not found.
+branch is the one that is found first, always the same for the same pose.
 
 Both branches of a class count with the smaller `|det J|` of the two.
 """
@@ -30,32 +26,36 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.bit_sets import CLASSES
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.kinematics.numeric_chain import (
-    Angles5,
+from mlivr_gym.kinematics.chain import (
+    Bend,
     Chain,
+    Links,
+    bend_of_turns,
+    links_at,
+    out_of_axes,
+)
+from mlivr_gym.kinematics.least_squares import (
+    Angles5,
     Column,
-    Frame,
-    chain_at,
-    columns_of,
-    determinant,
+    Columns,
+    column_of,
     divided,
     factors_of,
-    next_frame,
-    out_of_axes,
+    root_determinant,
     seen_by,
     times,
 )
-from mlivr_gym.kinematics.poses import along, cross, dot, minus
+from mlivr_gym.kinematics.poses import along, cross, dot, minus, vector
 
 if TYPE_CHECKING:
-    from mlivr_gym.kinematics.arm import Arm, FlangeAxis
+    from mlivr_gym.kinematics.chain import FlangeAxis
     from mlivr_gym.values import Triple
 
 STEPS = 12
 """Largest number of steps of least squares from a seed; 6 are usual."""
 
 ACCURACY = 1e-10
-"""Distance of W, and of the flange axis times `NumericArm.unit`, that counts as solved [m]."""
+"""Distance of W, and of the flange axis times `Form.unit`, that counts as solved [m]."""
 
 DAMPING, MOST_DAMPING = 0.05, 0.01
 """Damping as a share of the squared distance, and its maximum [m^2]."""
@@ -63,8 +63,12 @@ DAMPING, MOST_DAMPING = 0.05, 0.01
 LONGEST_STEP = 0.6
 """Largest change of a joint in one step [rad]."""
 
+FARTHEST = 0.1
+"""Largest difference of an angle from that of the form it deviates from [rad]; more is another
+solution."""
+
 TRIES = 3
-"""Number of seeds of a branch, the nearest ones, from which a pose is solved."""
+"""Number of seeds of a branch, the closest ones, from which a pose is solved."""
 
 LEAST = 1e-9
 """Least `|det J|` of a solution [m^3]."""
@@ -76,16 +80,56 @@ class Solution(NamedTuple):
     there: bool
     """Whether one was found."""
     q: Angles5
-    """Its joint angles."""
+    """How far its joints 1 to 5 are turned [rad]."""
 
 
 @kernel
-def solved(arm: Arm, wrist: Triple, axis: Triple, start: Angles5) -> Solution:
-    """Solve for joints 1 to 5 by wrist point and flange axis, from a start."""
-    q, unit, last = start, arm.numeric.unit, np.inf
+def links_of(arm: Chain, q: Angles5) -> Links:
+    """Return the frames of the links by how far the joints are turned."""
+    return links_at(arm, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5))
+
+
+@kernel
+def wrist_and_axis(arm: Chain, links: Links) -> tuple[Triple, Triple]:
+    """Return the wrist point [m] and the flange axis."""
+    wrist = along(links.f5.o, 1.0, out_of_axes(links.f5, vector(arm.form.wrist)))
+    return wrist, out_of_axes(links.f5, vector(arm.steps[5, 3]))
+
+
+@kernel
+def columns_of(arm: Chain, links: Links) -> Columns:
+    """Return the Jacobian of the wrist point and of the flange axis times the unit."""
+    (w, (x, y, z)), unit = wrist_and_axis(arm, links), arm.form.unit
+    axis = unit * x, unit * y, unit * z
+    f1, f2, f3, f4, f5 = links
+    return Columns(
+        column_of(f1.o, f1.z, w, axis),
+        column_of(f2.o, f2.z, w, axis),
+        column_of(f3.o, f3.z, w, axis),
+        column_of(f4.o, f4.z, w, axis),
+        column_of(f5.o, f5.z, w, axis),
+    )
+
+
+@kernel
+def size_of(arm: Chain, links: Links) -> float:
+    """Return `|det J|` of the six joints [m^3].
+
+    The two rows across the flange axis are the turn's, times the unit; joint 6 adds its own.
+    """
+    size: float = root_determinant(factors_of(columns_of(arm, links), 0.0))
+    return size / (arm.form.unit * arm.form.unit)
+
+
+@kernel
+def solved(arm: Chain, flange: FlangeAxis, start: Angles5) -> Solution:
+    """Solve for joints 1 to 5 by flange position and axis, from a start."""
+    q, unit, last = start, arm.form.unit, np.inf
+    wrist, axis = along(flange.p, -arm.form.past_wrist, flange.z), flange.z
     for step in range(STEPS):
-        chain = chain_at(arm, q)
-        (x, y, z), away = minus(axis, chain.z6), minus(wrist, chain.w)
+        links = links_of(arm, q)
+        at, along_axis = wrist_and_axis(arm, links)
+        (x, y, z), away = minus(axis, along_axis), minus(wrist, at)
         error = Column(away, (unit * x, unit * y, unit * z))
         square = times(error, error)
         if square < ACCURACY * ACCURACY:
@@ -93,7 +137,7 @@ def solved(arm: Arm, wrist: Triple, axis: Triple, start: Angles5) -> Solution:
         if step == 5 and square > 0.25 * last:
             break
         last = min(last, square)
-        columns = columns_of(arm, chain)
+        columns = columns_of(arm, links)
         factors = factors_of(columns, min(DAMPING * square, MOST_DAMPING * unit * unit))
         move = divided(factors, seen_by(columns, error))
         most = max(abs(move.q1), abs(move.q2), abs(move.q3), abs(move.q4), abs(move.q5))
@@ -111,127 +155,76 @@ def solved(arm: Arm, wrist: Triple, axis: Triple, start: Angles5) -> Solution:
 
 
 @kernel
-def name_of(arm: Arm, chain: Chain, q: Angles5) -> int:
+def name_of(arm: Chain, links: Links, q: Angles5) -> int:
     """Return the number of the branch of a posture."""
-    ahead = dot(cross(chain.f1.z, chain.f2.z), minus(chain.w, chain.f1.o))
+    wrist, _ = wrist_and_axis(arm, links)
+    ahead = dot(cross(links.f1.z, links.f2.z), minus(wrist, links.f1.o))
     out = 4 if ahead < 0.0 else 0
-    if np.sin(q.q3 - arm.numeric.elbow) < 0.0:
+    if np.sin(q.q3 - arm.form.elbow) < 0.0:
         out += 2
-    if np.sin(q.q5 - arm.numeric.bend) < 0.0:
+    if np.sin(q.q5 - arm.form.bend) < 0.0:
         out += 1
     return out
 
 
 @kernel
-def wrist_of(arm: Arm, flange: FlangeAxis) -> Triple:
-    """Return the wrist point of a flange [m]."""
-    return along(flange.p, -arm.d6, flange.z)
-
-
-@kernel
-def solution(arm: Arm, flange: FlangeAxis, branch: int) -> Solution:
-    """Return the solution of a flange that a branch is."""
-    wrist, axis = wrist_of(arm, flange), flange.z
-    seeds: Any = arm.numeric.seeds[branch]
+def solution(arm: Chain, flange: FlangeAxis, branch: int) -> tuple[bool, Bend]:
+    """Return whether a branch reaches a flange, and how far joints 1 to 5 are turned there."""
+    wrist, axis = along(flange.p, -arm.form.past_wrist, flange.z), flange.z
+    seeds: Any = arm.form.seeds[branch]
     radius = np.sqrt(wrist[0] * wrist[0] + wrist[1] * wrist[1])
     azimuth = np.arctan2(wrist[1], wrist[0])
     c, s = np.cos(azimuth), np.sin(azimuth)
     out, across = c * axis[0] + s * axis[1], c * axis[1] - s * axis[0]
-    share, farther = 1.0 / arm.numeric.unit, -1.0
+    share, farther = 1.0 / arm.form.unit, -1.0
     for _ in range(TRIES):
-        nearest, least = -1, np.inf
-        for k in range(arm.numeric.seed_counts[branch]):
+        chosen, least = -1, np.inf
+        for k in range(arm.form.seed_counts[branch]):
             seed = seeds[k]
             a, b = share * (seed.radius - radius), share * (seed.height - wrist[2])
             x, y, z = seed.axis[0] - out, seed.axis[1] - across, seed.axis[2] - axis[2]
             square = a * a + b * b + x * x + y * y + z * z
             if farther < square < least:
-                nearest, least = k, square
-        if nearest < 0:
+                chosen, least = k, square
+        if chosen < 0:
             break
-        farther, q = least, seeds[nearest].q
-        found = solved(arm, wrist, axis, Angles5(q[0] + azimuth, q[1], q[2], q[3], q[4]))
+        farther, q = least, seeds[chosen].q
+        found = solved(arm, flange, Angles5(q[0] + azimuth, q[1], q[2], q[3], q[4]))
         if found.there:
-            chain = chain_at(arm, found.q)
-            if (
-                name_of(arm, chain, found.q) == branch
-                and determinant(arm, factors_of(columns_of(arm, chain), 0.0)) > LEAST
-            ):
-                return found
-    return Solution(False, Angles5(0.0, 0.0, 0.0, 0.0, 0.0))
+            links = links_of(arm, found.q)
+            if name_of(arm, links, found.q) == branch and size_of(arm, links) > LEAST:
+                return True, bend_of_turns(*found.q)
+    return False, bend_of_turns(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @kernel
-def branch_terms(arm: Arm, flange: FlangeAxis, out: Array) -> None:
-    """Fill in `(det J)^2`, for each class the smaller one of its branches; the rest is 0."""
+def set_sizes(arm: Chain, flange: FlangeAxis, out: Array) -> None:
+    """Fill in `|det J|`, for each class the smaller one of its branches [m^3], shape (4,)."""
     for choice in range(CLASSES):
-        out[choice, 0] = out[choice, 1] = out[choice, 2] = 0.0
         least = np.inf
         for branch in range(2 * choice, 2 * choice + 2):
-            found = solution(arm, flange, branch)
-            if found.there:
-                factors = factors_of(columns_of(arm, chain_at(arm, found.q)), 0.0)
-                least = min(least, determinant(arm, factors))
-        out[choice, 3] = least * least if least < np.inf else -1.0
+            there, bend = solution(arm, flange, branch)
+            if there:
+                least = min(least, size_of(arm, links_at(arm, bend)))
+        out[choice] = least if least < np.inf else 0.0
 
 
 @kernel
-def joint_axes(arm: Arm, flange: FlangeAxis, branch: int, out: Any) -> bool:
-    """Find the joint axes of one branch."""
-    found = solution(arm, flange, branch)
-    if not found.there:
-        return False
-    f1, f2, f3, f4, f5, _, _ = chain_at(arm, found.q)
-    axis, point, wrist = out.axis, out.point, wrist_of(arm, flange)
-    for k, frame in enumerate((f1, f2, f3, f4, f5)):
-        for c in range(3):
-            axis[k, c], point[k, c] = frame.z[c], frame.o[c]
-    for c in range(3):
-        axis[5, c], point[5, c] = flange.z[c], wrist[c]
-    return True
+def refined(arm: Chain, flange: FlangeAxis, form: Bend) -> tuple[bool, Bend]:
+    """Turn joints where a form has them to where an arm has them that deviates a little from it.
 
-
-@kernel
-def joint_6(arm: Arm, chain: Chain, x: Triple) -> float:
-    """Return the angle of joint 6 at which the flange's first axis is `x` [rad]."""
-    steps = arm.numeric.steps[5]
-    first, second = out_of_axes(chain.f5, steps, 1), out_of_axes(chain.f5, steps, 2)
-    angle: float = np.arctan2(dot(x, second), dot(x, first))
-    return angle
-
-
-@kernel
-def branch_angles(arm: Arm, flange: FlangeAxis, x: Triple, branch: int, q: Array) -> bool:
-    """Compute the joint angles of one branch."""
-    found = solution(arm, flange, branch)
-    if not found.there:
-        return False
-    q[0], q[1], q[2], q[3], q[4] = found.q
-    q[5] = joint_6(arm, chain_at(arm, found.q), x)
-    return True
-
-
-@kernel
-def link_frames(arm: Arm, q: Array, frames: Array) -> None:
-    """Compute the frames of the links in the limb base frame."""
-    _set_frames(arm, Angles5(q[0], q[1], q[2], q[3], q[4]), q[5], frames)
-
-
-@kernel
-def branch_frames(arm: Arm, flange: FlangeAxis, branch: int, frames: Array) -> bool:
-    """Compute the frames of the links of one branch."""
-    found = solution(arm, flange, branch)
-    if found.there:
-        _set_frames(arm, found.q, 0.0, frames)
-    return found.there
-
-
-@kernel
-def _set_frames(arm: Arm, q: Angles5, last: float, frames: Array) -> None:
-    """Fill in the frames of the links by their joint angles, `last` that of joint 6."""
-    f1, f2, f3, f4, f5, _, _ = chain_at(arm, q)
-    base = Frame((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    for link, frame in enumerate((base, f1, f2, f3, f4, f5, next_frame(arm, 6, f5, last))):
-        for k in range(3):
-            frames[link, 0, k], frames[link, 1, k] = frame.o[k], frame.x[k]
-            frames[link, 2, k], frames[link, 3, k] = frame.y[k], frame.z[k]
+    Returned is whether there is such a solution within `FARTHEST` of the given one, and it.
+    """
+    start = Angles5(
+        np.arctan2(form.s1, form.c1),
+        np.arctan2(form.s2, form.c2),
+        np.arctan2(form.s3, form.c3),
+        np.arctan2(form.s4, form.c4),
+        np.arctan2(form.s5, form.c5),
+    )
+    found = solved(arm, flange, start)
+    q, there = found.q, found.there
+    there = there and abs(q.q1 - start.q1) < FARTHEST and abs(q.q2 - start.q2) < FARTHEST
+    there = there and abs(q.q3 - start.q3) < FARTHEST and abs(q.q4 - start.q4) < FARTHEST
+    there = there and abs(q.q5 - start.q5) < FARTHEST
+    return there, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5)

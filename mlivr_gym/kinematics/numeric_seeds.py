@@ -8,7 +8,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.kinematics.arm import SEEDS, Arm
+from mlivr_gym.kinematics.chain import SEEDS, Form
+from mlivr_gym.kinematics.forms import frames_at
 
 TRIED = 16384
 """Number of postures among which seeds are chosen."""
@@ -17,25 +18,16 @@ USEFUL = 0.02
 """Least `|det J|` of a seed as a share of the largest one."""
 
 
-def set_numeric(arm: Arm, steps: Array, windows: Array) -> None:
-    """Fill in an arm of the family `NUMERIC` by its steps, shape (6, 4, 3), and windows [rad]."""
-    of_arm = arm["numeric"]
-    of_arm["steps"][:] = steps
+def set_wrist(form: Form, steps: Array) -> None:
+    """Fill in where the wrist is, by the steps of a chain, shape (6, 4, 4)."""
     frames = _frames(steps, np.zeros((1, 5)))[0]
     wrist = wrist_point(frames[4], frames[5])
     out = frames[4, :3, :3].T @ (wrist - frames[4, :3, 3])
-    of_arm["wrist"][:] = out
-    arm["d6"] = float((frames[5, :3, 3] - wrist) @ frames[5, :3, 2])
-    arm["links"], arm["c_held"] = 1.0, 1.0
-    off_axis_1 = float(np.hypot(*steps[1, 0, :2]))
-    between = [off_axis_1, *np.linalg.norm(steps[2:5, 0], axis=1), np.linalg.norm(out)]
-    of_arm["between"][:] = between
-    of_arm["unit"] = max(sum(between) / 3.0, 1e-3)
-    reach = np.cumsum(between[::-1])[::-1]
-    of_arm["farthest"][:] = np.hypot(reach, of_arm["unit"])
-    of_arm["elbow"] = _largest(steps, 2, lambda f: _squared(f[:, 1], _forearm_end(f)))
-    of_arm["bend"] = _largest(steps, 4, _along_axis_4)
-    _set_seeds(arm, steps, windows)
+    form["wrist"][:] = out
+    form["past_wrist"] = float((frames[5, :3, 3] - wrist) @ frames[5, :3, 2])
+    off_axis_1 = float(np.hypot(*steps[1, :2, 3]))
+    between = off_axis_1 + np.linalg.norm(steps[2:5, :3, 3], axis=1).sum() + np.linalg.norm(out)
+    form["unit"] = max(float(between) / 3.0, 1e-3)
 
 
 def wrist_point(fifth: Array, flange: Array) -> Array:
@@ -48,19 +40,10 @@ def wrist_point(fifth: Array, flange: Array) -> Array:
     return point
 
 
-def _frames(steps: Array, angles: Array) -> Array:
-    """Return frames of the links 1 to 6 at angles of joints 1 to 5, (k, 5) -> (k, 6, 4, 4)."""
-    out = np.empty((len(angles), 6, 4, 4))
-    before = np.eye(4)
-    for k, step in enumerate(steps):
-        turn = np.tile(np.eye(4), (len(angles), 1, 1))
-        if k < 5:
-            c, s = np.cos(angles[:, k]), np.sin(angles[:, k])
-            turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = c, -s, s, c
-        fixed = np.eye(4)
-        fixed[:3, :3], fixed[:3, 3] = step[1:].T, step[0]
-        out[:, k] = before = before @ fixed @ turn
-    return out
+def _frames(steps: Array, turns: Array) -> Array:
+    """Return frames of the links 1 to 6 at turns of joints 1 to 5, (k, 5) -> (k, 6, 4, 4)."""
+    angles = np.concatenate([turns, np.zeros((len(turns), 1))], axis=1)
+    return frames_at(steps, np.ones(6), angles)[:, 1:]
 
 
 def _forearm_end(frames: Array) -> Array:
@@ -88,19 +71,24 @@ def _largest(steps: Array, joint: int, value: Callable[[Array], Array]) -> float
     return float(np.angle((value(_frames(steps, angles)) * np.exp(1j * turns)).sum()))
 
 
-def _set_seeds(arm: Arm, steps: Array, windows: Array) -> None:
-    """Choose postures of every branch that lie far apart from each other."""
-    of_arm, unit = arm["numeric"], float(arm["numeric"]["unit"])
+def set_seeds(form: Form, steps: Array, windows: Array) -> None:
+    """Choose postures of every branch that lie far apart from each other.
+
+    Steps have shape (6, 4, 4), windows of how far joints are turned (6, 2) [rad].
+    """
+    unit = float(form["unit"])
+    form["elbow"] = _largest(steps, 2, lambda f: _squared(f[:, 1], _forearm_end(f)))
+    form["bend"] = _largest(steps, 4, _along_axis_4)
     angles = np.zeros((TRIED, 5))
     low, high = windows.T
     angles[:, 1:] = low[1:5] + (high - low)[1:5] * _spread(TRIED, 4)
     frames = _frames(steps, angles)
     tips, axes = frames[:, 5, :3, 3], frames[:, 5, :3, 2]
-    wrists = tips - arm["d6"] * axes
+    wrists = tips - form["past_wrist"] * axes
     ahead = np.cross(frames[:, 0, :3, 2], frames[:, 1, :3, 2])
     ahead = (ahead * (wrists - frames[:, 0, :3, 3])).sum(axis=1)
-    branch = 4 * (ahead < 0.0) + 2 * (np.sin(angles[:, 2] - of_arm["elbow"]) < 0.0)
-    branch = branch + (np.sin(angles[:, 4] - of_arm["bend"]) < 0.0)
+    branch = 4 * (ahead < 0.0) + 2 * (np.sin(angles[:, 2] - form["elbow"]) < 0.0)
+    branch = branch + (np.sin(angles[:, 4] - form["bend"]) < 0.0)
     joints = frames[:, :, :3, 2].transpose(0, 2, 1)
     arms = (wrists[:, None] - frames[:, :, :3, 3]).transpose(0, 2, 1)
     jacobians = np.concatenate([np.cross(joints, arms, axis=1), joints], axis=1)
@@ -114,8 +102,8 @@ def _set_seeds(arm: Arm, steps: Array, windows: Array) -> None:
     for b in range(BRANCHES):
         rows = np.flatnonzero(useful & (branch == b))
         rows = rows[_far_apart(places[rows], SEEDS)]
-        seeds = of_arm["seeds"][b]
-        of_arm["seed_counts"][b] = len(rows)
+        seeds = form["seeds"][b]
+        form["seed_counts"][b] = len(rows)
         for k, row in enumerate(rows):
             seeds[k]["radius"], seeds[k]["height"] = radius[row], wrists[row, 2]
             seeds[k]["axis"][:] = x[row], y[row], axes[row, 2]

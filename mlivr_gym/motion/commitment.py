@@ -18,13 +18,12 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.motion.base_paths import SupportsOnPath
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step, step_along
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
+from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.motion.support_line import SupportLine
 from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
@@ -37,7 +36,7 @@ from mlivr_gym.transitions.state import State, moving_limb
 CACHED_STEPS = 4096
 """Capacity of the cache `CommittedSteps`, in steps."""
 
-UNCHECKED = Edge(path_kind=STRAIGHT, line_branches=-1, kept={})
+UNCHECKED = Edge(line_branches=-1, kept={})
 """The edge of a step of a graph that does not check steps."""
 
 
@@ -72,22 +71,22 @@ def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Comm
     The edge is that of the step as the graph has checked it on these branches.
     """
     if not graph.settings.collisions:
-        yield Committed(_unchecked_path(graph, ends, edge), "unchecked")
+        yield Committed(_unchecked_path(graph, ends), "unchecked")
         return
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
-    supports = _supports(graph, ends, edge)
+    supports = _supports(graph, ends)
     finder = SwingFinder(graph, ends, supports)
     for swing in finder.swings(lifts[0][-1], lifts[1][-1], edge):
         parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
         yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
 
 
-def _supports(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Supports:
+def _supports(graph: StanceGraph, ends: StepEnds) -> Supports:
     """Return how the supports and the base move during a step."""
-    return SupportLine(graph, ends) if graph.limbs == 2 else SupportsOnPath(graph, ends, edge)
+    return SupportLine(graph, ends) if graph.limbs == 2 else FollowingSupports(graph, ends)
 
 
-def _unchecked_path(graph: StanceGraph, ends: StepEnds, edge: Edge) -> JointPath | None:
+def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
     """Return a joint path on which collisions are not checked; None if a limb cannot follow.
 
     If supports are checked, they move as they were, and the other limb on one line.
@@ -97,7 +96,7 @@ def _unchecked_path(graph: StanceGraph, ends: StepEnds, edge: Edge) -> JointPath
             return paper_path(graph, ends)
         lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
         above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
-        return step_path(graph, ends, lifts, [_supports(graph, ends, edge).knots(*above)])
+        return step_path(graph, ends, lifts, [_supports(graph, ends).knots(*above)])
     except PlanError:
         return None
 

@@ -13,9 +13,11 @@ import scipy
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
-from mlivr_gym.kinematics.base_path import STRAIGHT, BasePath, base_poses
-from mlivr_gym.motion.base_paths import (
+from mlivr_gym.kinematics.base_path import BasePath, base_poses
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
+from mlivr_gym.motion.joint_path import JointPath
+from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
+from mlivr_gym.motion.straight_base import (
     Follower,
     JointCurve,
     dense_knots,
@@ -23,8 +25,6 @@ from mlivr_gym.motion.base_paths import (
     path_of,
     support_joints,
 )
-from mlivr_gym.motion.joint_path import JointPath
-from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 SAMPLES: Array = np.linspace(0.0, 1.0, 400)
@@ -43,7 +43,7 @@ def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
 
     Raises a `PlanError` if a limb cannot follow.
     """
-    path, limb = path_of(graph, ends, STRAIGHT), ends.limb
+    path, limb = path_of(ends), ends.limb
     if _jumps(support_joints(graph, ends, path, SAMPLES)):
         return None
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)

@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.errors import MlivrError, PlanError, shortened
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.intervals import LineScratch
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.motion.joint_path import flange_in_body
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.stances.stance_graph import StanceGraph

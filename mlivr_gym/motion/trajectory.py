@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ import scipy
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import PlanError, SettingError
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
 from mlivr_gym.motion.joint_path import PHASES, JointPath, quaternions
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.motion.timed_configurations import TimedConfigurations
@@ -67,6 +68,8 @@ class Trajectory(TimedConfigurations):
     """Point index that each limb holds, or `FREE`, shape (k, N)."""
     point_ids: tuple[str, ...]
     """Ids of all points of the map."""
+    joint_names: tuple[str, ...]
+    """Names of all joints by limb, those of the file the robot is read from, N times six."""
 
     @property
     def period(self) -> float:
@@ -217,6 +220,7 @@ def trajectory(
         base_accelerations=accelerations[:, :6],
         grasps=grasps,
         point_ids=tuple(grasp_map.ids),
+        joint_names=tuple(chain(*path.robot.named_joints)),
     )
 
 

@@ -1,6 +1,7 @@
 """Files of trajectories: NumPy archives, CSV tables and ROS 2 messages.
 
-Joints have the names of the MuJoCo model, `limb0/joint1` and so on.
+Joints have the names, signs and zeros of the file the robot is read from, those of another robot
+are `limb0/joint1` and so on. All numbers have all their digits.
 """
 
 from __future__ import annotations
@@ -24,13 +25,6 @@ RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 """Components of the base velocity: linear in the world frame, angular in the body frame."""
 
 
-@checked()
-def joint_names(trajectory: Trajectory) -> list[str]:
-    """Return the names of all joints, ordered by limb."""
-    limbs = trajectory.grasps.shape[1]
-    return [f"limb{i}/joint{k}" for i in range(limbs) for k in range(1, 7)]
-
-
 @checked(ARGUMENTS)
 def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a NumPy archive; the file is replaced as a whole or not at all.
@@ -42,7 +36,7 @@ def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     np.savez_compressed(
         stream,
         points=np.array(trajectory.point_ids),
-        joint_names=np.array(joint_names(trajectory)),
+        joint_names=np.array(trajectory.joint_names),
         phases=np.array(PHASES),
         **trajectory.arrays(),  # type: ignore[arg-type]
     )
@@ -57,7 +51,7 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
     of each joint; the point that each limb holds; and `event`, the releases and grasps since the
     line before. Raises a `FileError` if the file cannot be written.
     """
-    names, count = joint_names(trajectory), len(trajectory.times)
+    names, count = trajectory.joint_names, len(trajectory.times)
     limbs = trajectory.grasps.shape[1]
     units = {"x": "m", "y": "m", "z": "m"}
     head = ["time_s", "step", "phase"]
@@ -84,7 +78,7 @@ def save_csv(trajectory: Trajectory, path: str | Path) -> None:
             PHASES[trajectory.phase[k]],
         ]
         event = _event(held[max(k - 1, 0)], held[k])
-        writer.writerow([*leading, *(f"{value:.9g}" for value in row), *held[k], event])
+        writer.writerow([*leading, *row.tolist(), *held[k], event])
     write_whole(path, stream.getvalue())
 
 
@@ -105,7 +99,7 @@ def joint_trajectory_message(trajectory: Trajectory) -> dict[str, Any]:
     values = {kind: getattr(trajectory, f"joint_{kind}") for kind in kinds}
     return {
         "header": {"stamp": message_time(0.0), "frame_id": ""},
-        "joint_names": joint_names(trajectory),
+        "joint_names": list(trajectory.joint_names),
         "points": [
             {kind: values[kind][k].ravel().tolist() for kind in kinds}
             | {"effort": [], "time_from_start": message_time(float(trajectory.times[k]))}
@@ -134,7 +128,7 @@ def save_ros(trajectory: Trajectory, path: str | Path) -> None:
         if event:
             lines.append(f"# {event}")
         for column, kind in enumerate(("positions", "velocities", "accelerations")):
-            numbers = ", ".join(f"{value:.9g}" for value in point[kind])
+            numbers = ", ".join(map(repr, point[kind]))
             lines.append(f"{'-' if column == 0 else ' '} {kind}: [{numbers}]")
         lines.append("  effort: []")
         time = point["time_from_start"]

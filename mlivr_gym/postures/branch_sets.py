@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.followers import followed_branches, set_follower
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     CLASSES,
@@ -14,9 +15,8 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.arm import FlangeAxis
 from mlivr_gym.kinematics.base_path import lift_path
-from mlivr_gym.kinematics.holding import held_branches
+from mlivr_gym.kinematics.chain import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.gaps import cause_at_boxes, limb_gap, pair_gap, place_limb
@@ -46,11 +46,10 @@ def set_branch_sets(search: PostureSearch, out: Posture, scratch: PostureScratch
             w = reach.w[c]
             if w >= limits.w_m and w >= limits.floor and w > 0.0:
                 branch_set |= whole_class(c)
-        lift_path(scratch.path, candidate.base, grasp, robot.lift)
-        floor = limits.floor * l_c**3
-        branch_set = held_branches(
-            limb, grasp.flange, scratch.path, floor, branch_set, scratch.holding
-        )
+        lift_path(scratch.lines.line.path, candidate.base, grasp, robot.lift)
+        scratch.lines.floor = limits.floor * l_c**3
+        set_follower(i, grasp.flange, scratch.lines)
+        branch_set = followed_branches(i, branch_set, robot, search.grid, scratch.lines)
         for b in range(BRANCHES):
             if has_branch(branch_set, b):
                 if limb_gap(search, i, b, scratch) < search.clearance:
@@ -104,10 +103,10 @@ def remove_touching(search: PostureSearch, out: Posture, scratch: PostureScratch
     Returned is the cause of a collision of the posture itself, 0 for none. Where branches are not
     checked, only that is found.
     """
-    robot, still, cause = search.robot, (0.0, 0.0), CLEAR
+    robot, cause = search.robot, CLEAR
     check_branches = search.rule.check_branches
     at_base = compare_base_with_boxes(
-        robot, scratch.base, still, search.grid, search.clearance, scratch.surface
+        robot, scratch.base, search.grid, search.clearance, scratch.surface
     )
     if at_base != CLEAR:
         cause = int(at_base)

@@ -21,8 +21,8 @@ from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, place_in_world
 from mlivr_gym.compiled.bit_sets import below
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.arm import FlangeAxis
-from mlivr_gym.kinematics.families import branch_frames
+from mlivr_gym.kinematics.chain import FlangeAxis
+from mlivr_gym.kinematics.inverse import branch_frames
 from mlivr_gym.kinematics.poses import minus, out_of, vector
 from mlivr_gym.postures.base_poses import turned
 from mlivr_gym.postures.records import PostureScratch, PostureSearch
@@ -39,7 +39,7 @@ def place_limb(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -
     """Place limb `i` on branch `b` in the body frame; return whether it has that branch."""
     limb, reach = search.robot.limbs[i], scratch.candidate.limbs[i]
     flange, frames = FlangeAxis(vector(reach.p), vector(reach.z)), scratch.placed.frames
-    if not branch_frames(limb.arm, flange, b, scratch.inversion.axes, frames):
+    if not branch_frames(limb.arm, flange, b, frames):
         return False
     place(limb, frames, scratch.in_body[i, b])
     return True

@@ -11,7 +11,7 @@ import scipy
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.contacts import Contact, contacts
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver

@@ -11,8 +11,8 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.compiled.bit_sets import CLASSES
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import FlangeAxis
-from mlivr_gym.kinematics.families import SINGULAR, branch_terms
+from mlivr_gym.kinematics.chain import FlangeAxis
+from mlivr_gym.kinematics.inverse import branch_sizes
 from mlivr_gym.kinematics.limb import flange_seen
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import length, minus, vector
@@ -27,25 +27,23 @@ def evaluate_reach(
     geometry: StanceGeometry,
     floor: float,
     candidate: CandidatePose,
-    terms: Array,
+    sizes: Array,
 ) -> float:
     """Compute flange poses and `w_m` of the branch classes of each limb at a base pose.
 
     The results are stored in `candidate.limbs`. Returned is the minimum over the limbs of the `w_m`
-    of their best class; 0 as soon as one is below `floor`. `terms` is scratch, shape (4, 4).
+    of their best class; 0 as soon as one is below `floor`. `sizes` is scratch, shape (4,).
     """
     least = np.inf
     for i in range(robot.limb_count):
         limb, limb_reach = robot.limbs[i], candidate.limbs[i]
-        unit = limb.arm.links / robot.characteristic_length**3
         seen, _ = flange_seen(limb, candidate.base, geometry.grasps[i].flange)
-        branch_terms(limb.arm, seen, terms)
+        branch_sizes(limb.arm, seen, sizes)
         best = 0.0
         for k in range(3):
             limb_reach.p[k], limb_reach.z[k] = seen.p[k], seen.z[k]
         for c in range(CLASSES):
-            square = terms[c, 3]
-            limb_reach.w[c] = unit * np.sqrt(square) if square > SINGULAR * SINGULAR else 0.0
+            limb_reach.w[c] = sizes[c] / robot.characteristic_length**3
             best = max(best, limb_reach.w[c])
         if best < floor:
             return 0.0
@@ -62,7 +60,7 @@ def reach_all(robots: Any, geometry: Any, candidates: Any, scratch_rows: Any) ->
     """
     for k in range(len(geometry)):
         candidates[k].margin_bound = evaluate_reach(
-            robots[0], geometry[k], 0.0, candidates[k], scratch_rows[0].terms
+            robots[0], geometry[k], 0.0, candidates[k], scratch_rows[0].sizes
         )
 
 
@@ -126,7 +124,7 @@ def sets_in_reach(
                 away = length(minus(vector(scratch.base.position), vector(region)))
                 if (
                     away <= region[3]
-                    and evaluate_reach(robot, geometry, floor, candidate, scratch.terms) > 0.0
+                    and evaluate_reach(robot, geometry, floor, candidate, scratch.sizes) > 0.0
                 ):
                     out[s] = True
                     break

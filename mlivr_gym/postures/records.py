@@ -11,11 +11,10 @@ from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.placement import Placed, Shapes
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
-from mlivr_gym.kinematics.base_path import BasePath
 from mlivr_gym.kinematics.grasps import Grasp
-from mlivr_gym.kinematics.holding import Holding
 from mlivr_gym.kinematics.manipulability import Inversion
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -200,8 +199,8 @@ class PostureScratch(Record):
     """The same base pose in the world."""
     other: Posture
     """Another posture of the stance."""
-    terms: Annotated[Array, (4, 4)]
-    """Terms of the inverse kinematics of each class of branches."""
+    sizes: Annotated[Array, (4,)]
+    """`|det J|` of each class of branches [m^3]."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
     """`K^-1` of each branch of each limb."""
     sums: Annotated[Array, (MOST_LIMBS, 2, 6, 6)]
@@ -230,7 +229,5 @@ class PostureScratch(Record):
     """Work arrays of matrix inversion."""
     surface: GraspSurface
     """The grasp at which a gripper is."""
-    path: BasePath
-    """Base path that stands for a departure."""
-    holding: Holding
-    """Work arrays of departures."""
+    lines: LineScratch
+    """The motion of the base that stands for a departure."""

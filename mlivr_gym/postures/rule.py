@@ -21,7 +21,7 @@ from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.arm import FlangeAxis
+from mlivr_gym.kinematics.chain import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
@@ -49,8 +49,8 @@ def prepare_candidate(search: PostureSearch, number: int, scratch: PostureScratc
                     scratch.gaps[i, b, j, c] = np.inf
     if not search.has_boxes:
         return CLEAR
-    still, clearance, surface = (0.0, 0.0), search.clearance, scratch.surface
-    return compare_base_with_boxes(robot, scratch.base, still, search.grid, clearance, surface)
+    clearance, surface = search.clearance, scratch.surface
+    return compare_base_with_boxes(robot, scratch.base, search.grid, clearance, surface)
 
 
 @kernel
@@ -63,7 +63,7 @@ def set_candidate(
         place(geometry, search.given, candidate.base)  # the frame of the stance is the world
     else:
         set_pose(geometry, rule, number, candidate.base)
-    return evaluate_reach(search.robot, geometry, floor, candidate, scratch.terms)
+    return evaluate_reach(search.robot, geometry, floor, candidate, scratch.sizes)
 
 
 @part

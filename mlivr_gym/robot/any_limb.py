@@ -1,40 +1,29 @@
-"""A limb of any family, and how it is read from plain data."""
+"""How a limb is read from plain data: by its frames, or by the lengths of an arm of UR."""
 
 from __future__ import annotations
 
-from mlivr_gym.robot.limb import FAMILIES, LIMB, Limb
-from mlivr_gym.robot.numeric_limb import NUMERIC, NUMERIC_LIMB, NumericLimb
-from mlivr_gym.robot.spherical_wrist_limb import SPHERICAL_WRIST_LIMB, SphericalWristLimb
-from mlivr_gym.robot.ssrms_limb import SSRMS, SSRMS_LIMB, SsrmsLimb
-from mlivr_gym.schema import Choice, FieldPath, Struct
+from mlivr_gym.robot.chain_limb import CHAIN_LIMB, ChainLimb
+from mlivr_gym.robot.limb import LIMB, Limb
+from mlivr_gym.schema import FieldPath
 
-AnyLimb = Limb | SphericalWristLimb | NumericLimb
-"""A limb of any family; an `SsrmsLimb` is a `Limb`, whose closed form it has."""
-
-LIMB_FAMILIES: dict[str, Struct[AnyLimb]] = {
-    FAMILIES[0]: LIMB,  # type: ignore[dict-item]
-    FAMILIES[1]: SPHERICAL_WRIST_LIMB,  # type: ignore[dict-item]
-    SSRMS: SSRMS_LIMB,  # type: ignore[dict-item]
-    NUMERIC: NUMERIC_LIMB,  # type: ignore[dict-item]
-}
-"""Fields of a limb of each family, by the names in robot files."""
+AnyLimb = Limb | ChainLimb
+"""A limb."""
 
 
 class LimbValidator:
-    """Validator of a limb of any family; plain data without a family are of the UR family."""
+    """Validator of a limb; plain data without frames are lengths of an arm of UR."""
 
     def read(self, value: object, place: FieldPath) -> AnyLimb:
         """Return the limb of plain data, or a limb as it is."""
-        if isinstance(value, SphericalWristLimb | SsrmsLimb | NumericLimb):
-            return value
-        family = FAMILIES[0]
         if isinstance(value, dict) and "family" in value:
-            names = tuple(LIMB_FAMILIES)
-            family = Choice(names).read(value["family"], place.field("family"))
-            if family == FAMILIES[0]:
-                value = {name: entry for name, entry in value.items() if name != "family"}
-        return LIMB_FAMILIES[family].read(value, place)
+            raise place.field("family").fault(
+                f"is {value['family']!r}; limbs are no longer told by families: give origins and "
+                "quaternions of its links, or read the arm from its URDF or MJCF"
+            )
+        if isinstance(value, ChainLimb) or (isinstance(value, dict) and "origins" in value):
+            return CHAIN_LIMB.read(value, place)
+        return LIMB.read(value, place)
 
 
-LIMB_OF_FAMILY = LimbValidator()
+ANY_LIMB = LimbValidator()
 """Validator of the field `limb` of a robot."""

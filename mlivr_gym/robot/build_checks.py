@@ -8,7 +8,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.link_frames import axes_of
+from mlivr_gym.robot.rigid import axes_of
 
 
 def check_build(robot: DerivedFigures) -> None:
@@ -16,7 +16,7 @@ def check_build(robot: DerivedFigures) -> None:
     half = 0.5 * robot.body_edges
     limbs, positions, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
     shoulders = [
-        p + limb.lengths[0] * turn[:, 2]
+        p + limb.shoulder_height * turn[:, 2]
         for limb, p, turn in zip(limbs, positions, turns, strict=True)
     ]
     for i, shoulder in enumerate(shoulders):

@@ -11,10 +11,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.robot.default_shapes import default_capsules, farthest_part
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
 from mlivr_gym.robot.mounts import Mount, even_mounts, even_rotations
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
-from mlivr_gym.robot.stretched import farthest_part, stretched_capsules
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.values import MIN_SIZE, Triple
 
@@ -38,6 +38,7 @@ class DerivedFigures:
     dynamics: LimbDynamics | None
     mounts: tuple[Mount, ...] | None
     apart: tuple[tuple[str, str], ...]
+    joint_names: tuple[tuple[str, ...], ...] | None
     cargo: Cargo | None
 
     @cached_property
@@ -57,7 +58,7 @@ class DerivedFigures:
             limb, shapes, dynamics = self.limb, shapes or self.capsules, dynamics or self.dynamics
             seen = seen or self.visuals
         if shapes is None:
-            shapes = stretched_capsules(limb, self.tool_length)
+            shapes = default_capsules(limb, self.tool_length)
         whole = replace(mount, limb=limb, capsules=shapes, dynamics=dynamics, visuals=seen)
         return _on_base(whole, limb)
 
@@ -92,6 +93,16 @@ class DerivedFigures:
         return any({first, second} == set(pair) for pair in self.apart)
 
     @property
+    def named_joints(self) -> tuple[tuple[str, ...], ...]:
+        """Names of the joints that move, N times six: those of the file the robot is read from.
+
+        Joint k of limb i of another robot is `"limb{i}/joint{k}"`.
+        """
+        return self.joint_names or tuple(
+            tuple(f"limb{i}/joint{k}" for k in range(1, 7)) for i in range(self.limbs)
+        )
+
+    @property
     def every_limb(self) -> tuple[AnyLimb, ...]:
         """Kinematics of each limb, N of them."""
         return tuple(mount.limb or self.limb for mount in self.mounted)
@@ -112,7 +123,7 @@ class DerivedFigures:
 
         What is below a nanometre counts as 0: rounding must not choose a direction.
         """
-        lengths = np.array([limb.lengths[0] for limb in self.every_limb])
+        lengths = np.array([limb.shoulder_height for limb in self.every_limb])
         shoulders = self.mount_positions + lengths[:, None] * self.mount_rotations[:, :, 2]
         across: Array = (shoulders - shoulders.mean(axis=0))[:, :2]
         return np.where(np.abs(across) < MIN_SIZE, 0.0, across)

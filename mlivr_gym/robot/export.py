@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -20,7 +21,9 @@ from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
+from mlivr_gym.robot.file_chain import LIMBS
 from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
+from mlivr_gym.robot.mounts import without_none
 from mlivr_gym.values import as_triple
 
 FIELDS = (
@@ -61,7 +64,7 @@ def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
         if link.joint is not None:
             joint = link.joint
             _sub(
-                body, "joint", name=joint.name, axis="0 0 1", range=_text(joint.limits),
+                body, "joint", name=joint.name, axis=_text(joint.axis), range=_text(joint.limits),
                 armature=_text(joint.rotor), actuatorfrcrange=_text((-joint.torque, joint.torque)),
             )  # fmt: skip
         for capsule in link.capsules:
@@ -134,6 +137,7 @@ def _links(robot: DerivedFigures) -> Iterator[RobotLink]:
 def _fields(robot: DerivedFigures) -> str:
     """Return what neither format has, as JSON."""
     fields = {name: getattr(robot, name) for name in FIELDS}
+    fields[LIMBS] = [without_none(asdict(limb)) for limb in robot.every_limb]
     fields[WINDOWS] = [limb.window_starts for limb in robot.every_limb]
     fields[ROTORS] = [robot.dynamics_of(i).rotor_inertias for i in range(robot.limbs)]
     return json.dumps(fields)
@@ -164,7 +168,7 @@ def _add_joint(root: ElementTree.Element, link: RobotLink) -> None:
     _sub(element, "parent", link=link.parent)
     _sub(element, "child", link=link.name)
     if joint is not None:
-        _sub(element, "axis", xyz="0 0 1")
+        _sub(element, "axis", xyz=_text(joint.axis))
         low, high = map(_text, joint.limits)
         effort, velocity = _text(joint.torque), _text(joint.speed)
         _sub(element, "limit", lower=low, upper=high, effort=effort, velocity=velocity)

@@ -10,22 +10,32 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
-from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.joint_chain import HeldJoint, JointChain, RecognisedArm
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.link_frames import rigid
-from mlivr_gym.robot.spherical_wrist_limb import HELD_JOINT
-from mlivr_gym.values import MAX_ROBOT_LENGTH
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
+
+HELD_JOINT = 3
+"""The joint of an arm of seven that is held by default: the roll of the upper arm."""
 
 ENDLESS = 1000.0
 """Limit from which on a joint turns without end [rad]."""
 
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
+
+
+class HeldJoint(NamedTuple):
+    """A joint of a seven-joint arm that is held."""
+
+    joint: int
+    """Its index among the joints of the arm."""
+    angle: float
+    """The angle at which it is held [rad]."""
+    limits: tuple[float, float]
+    """Its lower and upper limit [rad]."""
 
 
 class FileArm(NamedTuple):
@@ -150,54 +160,10 @@ def _with_held_joint(
     )
 
 
-def chain_of(file: Description, arm: FileArm, flange: Array) -> JointChain:
-    """Return the joints of an arm in the world where those that move are at 0.
-
-    The frame of the flange in the world has shape (4, 4). Refuses an arm longer than any robot,
-    which is probably given in millimetres.
-    """
-    points = np.vstack([file.data.xanchor[list(arm.joints)], tool_frame_of(file.data, arm)[:3, 3]])
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > MAX_ROBOT_LENGTH:
-        raise RobotError(
-            f"the limb of joints {file.joints[arm.joints[0]].name!r} to "
-            f"{file.joints[arm.joints[-1]].name!r} is {length:.4g} m long; it must be at most "
-            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
-        )
-    joints, held = list(arm.joints), None
-    if arm.held is not None:
-        joint, held = arm.held
-        joints.insert(held.joint, joint)
-    parent = int(file.model.body_parentid[file.model.jnt_bodyid[joints[0]]])
-    return JointChain(
-        tuple(file.joints[joint].name for joint in joints),
-        file.data.xaxis[joints].copy(),
-        file.data.xanchor[joints].copy(),
-        body_frame(file.data, parent),
-        flange,
-        held,
-    )
-
-
-def limb_in_family(file: Description, arm: FileArm, found: RecognisedArm) -> AnyLimb:
-    """Return the limb; an error of the joint that is held has its name and angle in the file."""
-    limits = _limits(file, arm, found)
-    try:
-        return found.limb(limits)
-    except RobotError as fault:
-        if arm.held is None:
-            raise
-        joint, held = arm.held
-        raise RobotError(
-            f"joint {file.joints[joint].name!r} cannot be held at {held.angle:g} rad, give another "
-            f"held_angle: {fault}"
-        ) from None
-
-
-def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple[float, float]]:
+def limits_of(file: Description, arm: FileArm) -> list[tuple[float, float]]:
     """Return the limits of the limb's joint angles [rad]."""
     out = []
-    for joint, sign, offset in zip(arm.joints, found.signs, found.offsets, strict=True):
+    for joint in arm.joints:
         figures = file.joints[joint]
         if figures.limits is None:
             raise RobotError(
@@ -210,8 +176,7 @@ def _limits(file: Description, arm: FileArm, found: RecognisedArm) -> list[tuple
                 f"joint {figures.name!r} has limits from {low:g} to {high:g} rad; angles are in "
                 f"radians, at most {FARTHEST_TURN:g}: are these degrees?"
             )
-        ends = [float(np.clip(end, -FARTHEST_TURN, FARTHEST_TURN)) for end in figures.limits]
-        low, high = sorted(sign * end + offset for end in ends)
+        low, high = figures.limits
         out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
     return out
 

@@ -1,9 +1,8 @@
-"""One limb of a URDF or MJCF file in the terms of its family."""
+"""One limb of a URDF or MJCF file."""
 
 from __future__ import annotations
 
-import copy
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,20 +11,19 @@ import numpy as np
 from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.forms import closed_form
 from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.description import LEAST_MASS, ROTORS, WINDOWS, Description
-from mlivr_gym.robot.file_arms import FileArm, limb_in_family, tool_frame_of
-from mlivr_gym.robot.file_chain import FileChain
+from mlivr_gym.robot.default_shapes import default_capsules, gripper_capsule
+from mlivr_gym.robot.description import LEAST_MASS, ROTORS, Description
+from mlivr_gym.robot.file_arms import FileArm
+from mlivr_gym.robot.file_chain import figures_of_limb
 from mlivr_gym.robot.file_parts import LimbParts, joined
 from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.joint_chain import DECIMALS, RecognisedArm
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
-from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.numeric_limb import NumericLimb
 from mlivr_gym.robot.rigid import RigidBody, cylinder
-from mlivr_gym.robot.stretched import gripper_capsule, stretched_capsules
 from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
@@ -38,11 +36,8 @@ ROTOR_INERTIA = 0.1
 GRIPPER_MASS = 0.5
 """Mass of the gripper that is added to an arm without one [kg]."""
 
-SAMPLES = 100
-"""Number of random joint angles at which the flange is compared with that of the file."""
-
-LARGEST_ERROR = 5e-3
-"""Largest distance of the flange from that of the file [m]; grasps are captured within 10 mm."""
+DECIMALS = 9
+"""Lengths are rounded to nanometres."""
 
 LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
 """Validator of a length [m] that may be None."""
@@ -100,8 +95,8 @@ class FileOptions:
     """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
     capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
     """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
-    shapes of the file. `"ur5e"` stands for those of the UR5e stretched to the limb's lengths, or,
-    for an arm of another family, for capsules along its links."""
+    shapes of the file. `"ur5e"` stands for those that a limb has by default, simple ones along its
+    links."""
     package_dirs: Annotated[tuple[str | Path, ...], ListOf(FileName())] = ()
     """Folders in which the packages of `package://` names lie, in addition to those above the file.
     """
@@ -119,10 +114,6 @@ class FileLimb:
     """Lengths and joint limits."""
     joint_names: tuple[str, ...]
     """Names of its joints that move."""
-    signs: Array
-    """Signs of its joint angles, see `recognition.RecognisedArm`."""
-    offsets: Array
-    """Offsets of its joint angles [rad]."""
     mount: Array
     """Base frame of the limb in the body's frame, of a file of one arm in the world, (4, 4)."""
     capsules: tuple[Capsule, ...]
@@ -135,10 +126,6 @@ class FileLimb:
     """Distance from the flange to the grasp [m]."""
     gripper_mass: float
     """Mass of a gripper that the last link does not include [kg]."""
-    position_error: float
-    """Largest distance of the flange from that of the file [m]."""
-    chain: FileChain
-    """Its joints that move as the file has them."""
     apart: tuple[tuple[str, str], ...]
     """Links whose shapes never meet, see `RobotSpec.apart`."""
     visuals: tuple[Visual, ...]
@@ -149,7 +136,7 @@ class FileLimb:
     @property
     def described_capsules(self) -> tuple[Capsule, ...] | None:
         """Its collision shapes, None if they are those that a limb has by default."""
-        default = stretched_capsules(self.limb, self.tool_length)
+        default = default_capsules(self.limb, self.tool_length)
         same = _alike(tuple(map(astuple, self.capsules)), tuple(map(astuple, default)))
         return None if same else self.capsules
 
@@ -161,8 +148,8 @@ class FileLimb:
     def _figures(self) -> tuple[Any, ...]:
         """What limbs that are like each other have in common, in nested tuples."""
         limb, shapes = self.limb, tuple(map(astuple, self.capsules))
-        held = limb.family_code, limb.held_joint, limb.held_angle
-        lengths = *limb.lengths.tolist(), *limb.limits.ravel().tolist()
+        held = limb.held_joint, limb.held_angle, *limb.senses.tolist()
+        lengths = *limb.steps.ravel().tolist(), *limb.limits.ravel().tolist()
         return (*held, lengths, shapes, astuple(self.dynamics), self.gripper_mass)
 
 
@@ -174,18 +161,18 @@ def limb_of(
     The frame of the robot's body in the world has shape (4, 4). Raises a `RobotError` if a figure
     is missing.
     """
-    arm, found, notes = members.arm, members.found, []
-    limb, shift = limb_in_family(file, arm, found), round(members.tool_length - length, DECIMALS)
-    if file.is_exported:
-        limb = replace(limb, window_starts=_of_limb(file, WINDOWS, members.number))
+    arm, notes = members.arm, list[str]()
+    limb, base = members.chain.limb, members.chain.mount
+    shift = round(members.tool_length - length, DECIMALS)
+    if limb.base_in_mount is not None:
+        base = base @ rigid(*limb.base_in_mount)
     if shift:
         limb = limb.with_flange_moved(shift)
-    found = found._replace(offsets=found.offsets + limb.joint_shifts)
-    frames = _base_of(limb, found) @ link_frames(limb, found.offsets)
+    frames = base @ limb.frames_at_zero
     if arm.held is not None:
         joint, held = arm.held
         notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
-    if isinstance(limb, NumericLimb):
+    if closed_form(limb.steps) is None:
         notes.append("of no closed form, solved numerically")
     masses = [joined(file, part, frame) for _, part, frame in members.on(frames)]
     if members.gripper:
@@ -197,7 +184,7 @@ def limb_of(
     if options.rotor_inertia is not None:
         rotors = (options.rotor_inertia,) * len(rotors)
     elif ROTORS in file.fields:
-        rotors = _of_limb(file, ROTORS, members.number)
+        rotors = figures_of_limb(file, ROTORS, members.number)
     elif None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
     known_rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
@@ -207,29 +194,17 @@ def limb_of(
         capsules, excess = fitted_capsules(file, members, frames, length)
         if not members.gripper:
             capsules = (*capsules, gripper_capsule(length, shift))
-        apart = links_apart(file, members, frames, limb)
+        apart = links_apart(file, members, base, limb)
     elif isinstance(options.capsules, str):
-        capsules, excess = stretched_capsules(limb, length), {}
+        capsules, excess = default_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
-    chain = _chain_of(file, members, frames, shift)
-    error = _position_error(chain, limb, found, file.joints[arm.joints[-1]].name)
-    if error > 1e-4:
-        notes.append(f"flanges differ from the file's by {1e3 * error:.2g} mm at most")
     return FileLimb(
-        limb, tuple(file.joints[joint].name for joint in arm.joints), found.signs, found.offsets,
-        inverse(body) @ found.mount, capsules, excess, dynamics, length, gripper_mass, error, chain,
+        limb, tuple(file.joints[joint].name for joint in arm.joints),
+        inverse(body) @ members.chain.mount, capsules, excess, dynamics, length, gripper_mass,
         apart, limb_visuals(file, members, frames), tuple(notes),
     )  # fmt: skip
-
-
-def _of_limb(file: Description, name: str, number: int) -> Any:
-    """Return figures of one limb that a file of this package names."""
-    listed = file.fields[name]
-    if not isinstance(listed, list) or len(listed) <= number:
-        raise RobotError(f"{name} of the file must be a list of six numbers for each limb")
-    return listed[number]
 
 
 def _dynamics(
@@ -309,44 +284,6 @@ def _same(first: RigidBody, second: RigidBody) -> bool:
     """Return whether two bodies move alike."""
     figures = [(body.mass, *body.centre, *body.inertia) for body in (first, second)]
     return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
-
-
-def _chain_of(file: Description, members: LimbParts, frames: Array, shift: float) -> FileChain:
-    """Return the joints that move; its flange has the axes of the family's, which lies in `frames`.
-
-    These are in the world where the joints are at 0, (7, 4, 4); it is moved by `shift` [m].
-    """
-    flange = frames[6].copy()
-    flange[:3, 3] = members.chain.flange[:3, 3] + shift * flange[:3, 2]
-    tool = tool_frame_of(file.data, members.arm)
-    return FileChain(
-        file.model, copy.copy(file.data), members.arm, frames[0], inverse(tool) @ flange
-    )
-
-
-def _position_error(chain: FileChain, limb: AnyLimb, found: RecognisedArm, last: str) -> float:
-    """Return the largest distance of the flange from that of the file over random angles [m]."""
-    rng, worst = np.random.default_rng(0), 0.0
-    probes = np.array([[0.0, 0.1, 0.0], [0.0, 0.0, 0.1], [0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    for _ in range(SAMPLES):
-        angles = rng.uniform(-np.pi, np.pi, 6)
-        ours = link_frames(limb, found.signs * angles + found.offsets)[6]
-        apart = (chain.at(angles)[2] - ours) @ probes
-        worst = max(worst, float(np.linalg.norm(apart[:3], axis=0).max()))
-    if worst > LARGEST_ERROR:
-        raise RobotError(
-            f"the flange of joint {last!r} lies up to {worst:.3g} m "
-            f"from where exact axes would bring it; it must be at most {LARGEST_ERROR:g} m"
-        )
-    return worst
-
-
-def _base_of(limb: AnyLimb, found: RecognisedArm) -> Array:
-    """Return the base frame of the joints that move, see `LimbBase.base_in_mount`."""
-    if limb.base_in_mount is None:
-        return found.mount
-    base: Array = found.mount @ rigid(*limb.base_in_mount)
-    return base
 
 
 def _alike(one: object, other: object) -> bool:

@@ -11,10 +11,9 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.description import LEAST_MASS, Description
-from mlivr_gym.robot.file_arms import FileArm, body_name, chain_of, tool_frame_of, with_carriers
-from mlivr_gym.robot.joint_chain import MEETING, JointChain, RecognisedArm
+from mlivr_gym.robot.file_arms import FileArm, body_name, tool_frame_of, with_carriers
+from mlivr_gym.robot.file_chain import MEETING, FileChain, chain_of
 from mlivr_gym.robot.link_frames import inverse, rigid
-from mlivr_gym.robot.recognition import recognised
 from mlivr_gym.robot.rigid import RigidBody, combined
 
 SHORTEST_GRIPPER = 0.01
@@ -25,7 +24,7 @@ TOOL_LENGTH = 0.05
 
 
 class LimbParts(NamedTuple):
-    """Bodies of a limb by their numbers in the model, and the arm of a family that they are."""
+    """Bodies of a limb by their numbers in the model, and the limb that they are."""
 
     number: int
     """Number of the limb in the file."""
@@ -40,10 +39,8 @@ class LimbParts(NamedTuple):
     tool_length: float
     """Distance from the flange to the grasp, of the file's gripper or of the one that is added [m].
     """
-    chain: JointChain
-    """Its joints as the file has them, in the world."""
-    found: RecognisedArm
-    """The arm in the terms of its family, its mount in the world."""
+    chain: FileChain
+    """The limb, and its mount in the world."""
 
     def on(self, frames: Array) -> Iterator[tuple[str, tuple[int, ...], Array]]:
         """Yield name, bodies and frame of base, links and gripper; `frames` are (7, 4, 4)."""
@@ -57,7 +54,7 @@ def limb_parts(
     """Return the bodies of the limb that one of a file's arms is, by its number.
 
     Shapes behind the last link are a gripper, or else, and where a tool length is given [m], belong
-    to that link. Raises a `RobotError` if its joints are those of no known family.
+    to that link. Raises a `RobotError` if its joints are those of no limb.
     """
     arm = arms[number]
     links = [_moved_by(file, arm, body) for body in arm.links]
@@ -73,8 +70,8 @@ def limb_parts(
         if (length < SHORTEST_GRIPPER and not file.is_exported) or off > MEETING:
             gripper, flange, length = (), tool, TOOL_LENGTH
     links[-1] = tuple(body for body in links[-1] if body not in gripper)
-    chain, base = chain_of(file, arm, flange), _base(file, arms, number)
-    return LimbParts(number, arm, base, tuple(links), gripper, length, chain, recognised(chain))
+    chain, base = chain_of(file, arm, number, flange), _base(file, arms, number)
+    return LimbParts(number, arm, base, tuple(links), gripper, length, chain)
 
 
 def body_parts(file: Description, arms: tuple[FileArm, ...]) -> tuple[int, ...]:

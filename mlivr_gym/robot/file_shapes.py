@@ -19,13 +19,13 @@ from mlivr_gym.robot.capsule_fit import (
     solid_of,
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.chain_limb import ChainLimb
+from mlivr_gym.robot.default_shapes import gripper_capsule
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_arms import body_frame, body_name
 from mlivr_gym.robot.file_parts import LimbParts, solid_geoms
-from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.link_frames import inverse
+from mlivr_gym.robot.link_frames import inverse, link_frames
 from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.stretched import gripper_capsule
 from mlivr_gym.robot.validators import APART
 from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 
@@ -52,8 +52,7 @@ def fitted_capsules(
     flange [m]. Raises a `RobotError` if a mesh was not found, or no link that moves has a shape.
     """
     remedy = (
-        "name their folders with package_dirs, or take capsules='ur5e', those of the UR5e "
-        "stretched to the limb's lengths"
+        "name their folders with package_dirs, or take capsules='ur5e', simple ones along the links"
     )
     if file.missing:
         raise RobotError(
@@ -93,15 +92,18 @@ def limb_visuals(file: Description, members: LimbParts, frames: Array) -> tuple[
 
 
 def links_apart(
-    file: Description, members: LimbParts, frames: Array, limb: AnyLimb
+    file: Description, members: LimbParts, base: Array, limb: AnyLimb
 ) -> tuple[tuple[str, str], ...]:
     """Return the pairs of `APART` whose shapes in the file never meet, whatever the joint angles.
 
-    The upper arm moves in a plane beside joint 1, the wrist point lies beside the forearm by d4,
-    and the flange axis beside wrist 1 by d5. Of arms with a spherical wrist none is sought.
+    The base of the limb has a frame in the world, shape (4, 4). The upper arm moves in a plane
+    beside joint 1, the wrist point lies beside the forearm by d4, and the flange axis beside wrist
+    1 by d5. Of arms whose axes are not those of UR none is sought.
     """
-    if not isinstance(limb, Limb):
+    seen = limb.as_ur if isinstance(limb, ChainLimb) else None
+    if seen is None:
         return ()
+    limb, frames = seen.limb, base @ link_frames(seen.limb, seen.zero)
     shapes = {link: solids(file, part, frame) for link, part, frame in members.on(frames)}
 
     def farthest(link: str, measure: Callable[[Array], Array]) -> float:

@@ -13,15 +13,16 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arguments import ArrayOf, FileName
+from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
 from mlivr_gym.robot.file_arms import arms_of, body_frame, body_name, with_held_joints
+from mlivr_gym.robot.file_chain import LIMBS
 from mlivr_gym.robot.file_limb import FILE_OPTIONS, FileLimb, FileOptions, limb_of
 from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts
 from mlivr_gym.robot.file_shapes import box_round, solids
-from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.rigid import RigidBody, box_inertia
@@ -33,6 +34,9 @@ UR5E_ARM = 0.425 + 0.3922
 
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
+
+KEPT_APART = (WINDOWS, ROTORS, LIMBS)
+"""Fields of a file of this package that are none of `RobotSpec`."""
 
 EVEN = 1e-6
 """Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
@@ -53,68 +57,9 @@ class RobotFile:
         return tuple(limb.joint_names for limb in self.file_limbs)
 
     @property
-    def signs(self) -> Array:
-        """1 or -1 for each joint, shape (N, 6).
-
-        An angle of the robot is `sign * angle of the file + offset`.
-        """
-        return np.array([limb.signs for limb in self.file_limbs])
-
-    @property
-    def offsets(self) -> Array:
-        """The offsets [rad], shape (N, 6)."""
-        return np.array([limb.offsets for limb in self.file_limbs])
-
-    @property
     def capsule_excess(self) -> tuple[dict[str, float], ...]:
         """How far capsules reach beyond the shapes of each link at most [m], by limb and link."""
         return tuple(limb.excess for limb in self.file_limbs)
-
-    @property
-    def position_error(self) -> float:
-        """Largest distance of a flange from that of the file over random joint angles [m].
-
-        It is above 0 because axes that are nearly parallel or perpendicular in the file are exactly
-        so in the family.
-        """
-        return max(limb.position_error for limb in self.file_limbs)
-
-    def from_file_angles(self, angles: Array) -> Array:
-        """Return joint angles of the robot from those of the file [rad], shape (..., N, 6)."""
-        return self._checked(angles) * self.signs + self.offsets
-
-    def to_file_angles(self, angles: Array) -> Array:
-        """Return joint angles of the file from those of the robot [rad], shape (..., N, 6)."""
-        return (self._checked(angles) - self.offsets) * self.signs
-
-    def _checked(self, angles: Any) -> Array:
-        """Return joint angles as an array that fits the limbs; six are those of every limb."""
-        place, shape = FieldPath("angles", RobotError), self.signs.shape
-        found: Array = ArrayOf("f").read(angles, place)
-        try:
-            fits = np.broadcast_shapes(found.shape, shape)[-2:] == shape
-        except ValueError:
-            fits = False
-        if not fits:
-            raise place.fault(f"have shape {found.shape}; it must end with {shape}")
-        return found
-
-    def exact_file_angles(self, angles: Array) -> Array:
-        """Return the angles of the file at which its flanges are where the robot has them [rad].
-
-        They differ from those of `to_file_angles` where axes that are parallel or perpendicular in
-        the family are nearly so in the file, as those of a calibrated arm. Joint angles of the
-        robot and of the file have shape (..., N, 6) [rad]; flanges are exact to 1e-11 m and rad.
-        Raises a `RobotError` if a limb has no such angles within 0.1 rad, too close to a singular
-        posture.
-        """
-        given = np.asarray(angles, dtype=np.float64)
-        out = self.to_file_angles(given)
-        for place in np.ndindex(out.shape[:-1]):
-            limb = self.file_limbs[place[-1]]
-            target = link_frames(limb.limb, given[place])[6]
-            out[place] = limb.chain.solved(target, out[place], limb.joint_names)
-        return out
 
 
 def read_robot(path: str | Path, **options: Any) -> RobotFile:
@@ -190,7 +135,7 @@ def _stand_off(limb: FileLimb) -> float:
         ends = [float(np.hypot(end[0], end[1])) for end in (capsule.start, capsule.end)]
         if capsule.link == "upper_arm" and min(ends) < capsule.radius:
             away = max(ends) if max(ends) < capsule.radius else -min(ends)
-            lows.append(away + capsule.radius + UPPER_ARM_GAP - limb.limb.d1)
+            lows.append(away + capsule.radius + UPPER_ARM_GAP - limb.limb.shoulder_height)
     return round(max(lows), 3)
 
 
@@ -209,7 +154,7 @@ def _body_of(
     members = body_parts(file, tuple(limb.arm for limb in limbs))
     name = body_name(file.model, members[0])
     root = body_frame(file.data, members[0])
-    even = _even_frame(np.array([limb.found.mount for limb in limbs]), root[:3, :3])
+    even = _even_frame(np.array([limb.chain.mount for limb in limbs]), root[:3, :3])
     frame = root if even is None else even[0]
     shapes = solids(file, members, frame)
     if not shapes and size is None:
@@ -272,9 +217,9 @@ def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ..
 
 def _upright(limb: LimbParts, body: Array) -> LimbParts:
     """Return a limb whose base has its x axis along the z axis of the body, by its frame (4, 4)."""
-    x, y, *_ = (inverse(body) @ limb.found.mount)[2]
+    x, y, *_ = (inverse(body) @ limb.chain.mount)[2]
     angle = float(np.arctan2(y, x))
-    return limb if abs(angle) < EVEN else limb._replace(found=limb.found.turned(angle))
+    return limb if abs(angle) < EVEN else limb._replace(chain=limb.chain.turned(angle))
 
 
 def _mount(limb: FileLimb, alike: bool) -> Mount:
@@ -301,6 +246,9 @@ def _fields(
 ) -> dict[str, Any]:
     """Return the fields of a robot; those that a caller gives come before those of the file."""
     first = limbs[0]
+    names = [limb.joint_names for limb in (limbs if len(limbs) > 1 else limbs * build["limbs"])]
+    if len(limbs) == 1:
+        names = [tuple(f"limb{i}/{name}" for name in limb) for i, limb in enumerate(names)]
     scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
     described = {
         "name": file.name,
@@ -315,9 +263,19 @@ def _fields(
         "heights": tuple(scale * height for height in HEIGHTS),
         "span": scale * SPAN,
         "characteristic_length": scale * CHARACTERISTIC_LENGTH,
+        "joint_names": None if _are_usual(names) else tuple(names),
     }
-    written = {name: value for name, value in file.fields.items() if name not in (WINDOWS, ROTORS)}
+    written = {name: value for name, value in file.fields.items() if name not in KEPT_APART}
     return described | build | written | fields
+
+
+def _are_usual(names: list[tuple[str, ...]]) -> bool:
+    """Return whether joints have the names of a robot that is read from no file."""
+    return all(
+        name == f"limb{i}/joint{k}"
+        for i, limb in enumerate(names)
+        for k, name in enumerate(limb, 1)
+    )
 
 
 def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:

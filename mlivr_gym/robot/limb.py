@@ -1,7 +1,7 @@
-"""The kinematics of a limb: lengths, joint limits, and the windows of its joints.
+"""The kinematics of a limb: links, joint limits, and the windows of its joints.
 
-`Limb` is an arm of the UR family. `LimbBase` is what limbs of all families have; another family is
-a class of its own, as `spherical_wrist_limb.SphericalWristLimb`.
+`LimbBase` is what all limbs have; `Limb` is told by the lengths of an arm of UR, and
+`chain_limb.ChainLimb` by the frames of its links.
 """
 
 from __future__ import annotations
@@ -15,14 +15,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.forms import frames_at
+from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
 from mlivr_gym.schema import FieldPath, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
-
-FAMILIES = ("ur", "spherical_wrist")
-"""Families of limbs by the names in robot files, in the order of their numbers in `kinematics.arm`.
-
-They are not imported from there, since robots are described without a compiler.
-"""
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple, as_triple
 
 FARTHEST_TURN = 100.0
 """Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
@@ -56,15 +53,8 @@ Chosen from postures that keep clear of the body: each in turn adds most steps o
 a limb can fold, stay folded and unfold.
 """
 
-LinkQuaternion = tuple[float, float, float, float]
-"""A unit quaternion w, x, y, z."""
-
 LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
 """Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
-
-AnchorPlace = tuple[int, tuple[float, float, float]]
-"""An anchor, 0 limb base, 1 elbow, 2 forearm end, 3 wrist point, and where it lies on a link [m].
-"""
 
 Length = Annotated[float, Tuples((), most=MAX_ROBOT_LENGTH, unit="m")]
 """A length of a robot that may be negative, as in the DH convention [m]."""
@@ -91,8 +81,13 @@ def share_of(share: float, place: Triple) -> Triple:
     return share * x, share * y, share * z
 
 
+THICKNESS, GAP = 0.06, 0.03
+"""Radius of the default collision shapes as a share of the length of the arm, and how far those of
+a link and the next but one are apart where the link between is straight [m]."""
+
+
 class LimbBase(ABC):
-    """Joint limits and windows of a limb of any family, of which six joints move.
+    """Joint limits and windows of a limb, of which six joints move.
 
     A seven-joint arm has one joint that is held at an angle: fields `held_joint`, its number from
     1, and `held_angle` [rad]. It moves neither while the limb holds nor while it swings.
@@ -105,31 +100,47 @@ class LimbBase(ABC):
 
     @property
     @abstractmethod
-    def family_code(self) -> int:
-        """Number of the family, see `kinematics.arm`."""
-
-    @property
-    @abstractmethod
     def default_folds(self) -> tuple[tuple[float, ...], ...]:
         """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-
-    @property
-    @abstractmethod
-    def lengths(self) -> Array:
-        """Lengths of the family [m]."""
 
     @property
     @abstractmethod
     def link_offsets(self) -> tuple[LinkOffset, ...]:
         """Frames of the six links, each in that of the link before it, at joint angles of 0.
 
-        Joints turn about the z axes; the last frame is the flange's.
+        Joints turn about the z axes, in the sense of `senses`; the last frame is the flange's.
         """
 
     @property
+    def senses(self) -> Array:
+        """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1."""
+        return np.ones(6)
+
+    @property
+    def steps(self) -> Array:
+        """Frames of the six links, each in that of the link before, at angles of 0, (6, 4, 4)."""
+        steps = np.tile(np.eye(4), (6, 1, 1))
+        for step, (origin, quaternion) in zip(steps, self.link_offsets, strict=True):
+            # What quarter turns leave of a sine is a rounding error.
+            step[:3, 3], step[:3, :3] = origin, np.round(axes_of(quaternion), 15)
+        return steps
+
+    @property
     @abstractmethod
+    def arm_length(self) -> float:
+        """Length of upper arm and forearm together [m]."""
+
+    @property
+    def frames_at_zero(self) -> Array:
+        """Frames of base and links in the base at joint angles of 0, shape (7, 4, 4)."""
+        return frames_at(self.steps, self.senses, np.zeros(6))
+
+    @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
+        base = 0.0 if self.base_in_mount is None else float(np.linalg.norm(self.base_in_mount[1]))
+        sizes = np.linalg.norm(self.steps[:, :3, 3], axis=1)
+        return (base, *(base + np.cumsum(sizes)).tolist())
 
     @property
     def reach(self) -> float:
@@ -137,12 +148,15 @@ class LimbBase(ABC):
         return self.link_distances[-1]
 
     @property
-    def side_offsets(self) -> tuple[float, float] | None:
-        """Offsets of the wrist point from the forearm and of the flange axis from wrist 1 [m].
-
-        By these the links keep clear of each other; None if nothing keeps them clear.
-        """
-        return None
+    def shoulder_height(self) -> float:
+        """Height of the shoulder over the base, where axis 2 comes closest to axis 1 [m]."""
+        first, second = self.frames_at_zero[1:3]
+        across = np.cross(second[:3, 2], np.cross(first[:3, 2], second[:3, 2]))
+        share = float(first[:3, 2] @ across)
+        if share < MIN_SIZE:
+            return float(second[2, 3])
+        apart = second[:3, 3] - first[:3, 3]
+        return float(first[2, 3] + (apart @ across) / share)
 
     @property
     def limits(self) -> Array:
@@ -166,9 +180,37 @@ class LimbBase(ABC):
         return None
 
     @property
-    def joint_shifts(self) -> Array:
-        """By how much angles of the joints that move exceed those of the arm [rad], shape (6,)."""
-        return np.zeros(6)
+    def past_wrist(self) -> float:
+        """From the point of the last axis closest to the one before, along it to the flange [m]."""
+        z, origin = self.steps[5, :3, 2], self.steps[5, :3, 3]
+        across = np.array([z[0], z[1], 0.0])
+        return float(origin @ across / (across @ across))
+
+    @property
+    def link_capsules(self) -> tuple[Capsule, ...]:
+        """Simple collision shapes along the links, without a gripper.
+
+        Each begins where it is clear of the end of the link before the last one, and the last one
+        before the wrist ends where it is clear of the flange; a link that is too short for that has
+        none.
+        """
+        radius, here, d6 = THICKNESS * self.arm_length, (0.0, 0.0, 0.0), self.past_wrist
+        places = [as_triple(step[:3, 3]) for step in self.steps]
+        sizes = [max(float(np.linalg.norm(place)), MIN_SIZE) for place in places]
+        x, y, z = places[0]
+        out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
+        apart, before = 2.0 * radius + GAP, np.inf
+        fore = max((k for k in range(1, 5) if sizes[k] > radius), default=4)
+        for k in range(1, 5):
+            start = 0.0 if before > apart else apart
+            stop = sizes[k] - apart if k == fore else sizes[k]
+            if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":
+                first, last = (share_of(min(at / sizes[k], 1.0), places[k]) for at in (start, stop))
+                out.append(Capsule(LINKS[k], first, last, radius))
+            before = sizes[k]
+        slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
+        end = -float(np.copysign(slim, d6))
+        return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
 
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
@@ -178,12 +220,11 @@ class LimbBase(ABC):
         rows = np.asarray(angles, dtype=np.float64)
         if self.held_joint is not None:
             rows = np.delete(rows, self.held_joint - 1, axis=-1)
-        moving: Array = rows + self.joint_shifts
-        return moving
+        return rows
 
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
-        rows: Array = np.asarray(moving, dtype=np.float64) - self.joint_shifts
+        rows: Array = np.asarray(moving, dtype=np.float64)
         if self.held_joint is None:
             return rows
         return np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
@@ -261,7 +302,7 @@ class Limb(LimbBase):
     """Lower and upper limit of each joint [rad]."""
     window_starts: SixAngles = WINDOW_STARTS
     """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
-    family_code, default_folds = FAMILIES.index("ur"), FOLDS
+    default_folds = FOLDS
 
     def __post_init__(self) -> None:
         """Check lengths and limits."""
@@ -282,11 +323,6 @@ class Limb(LimbBase):
         return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
 
     @property
-    def reach(self) -> float:
-        """An upper bound of the flange's distance from the mount [m]."""
-        return float(np.abs(self.lengths).sum())
-
-    @property
     def arm_length(self) -> float:
         """Length of upper arm and forearm together [m]."""
         return abs(self.a2) + abs(self.a3)
@@ -299,30 +335,6 @@ class Limb(LimbBase):
             ((self.a2, 0.0, 0.0), STRAIGHT), ((self.a3, 0.0, self.d4), STRAIGHT),
             ((0.0, -self.d5, 0.0), FORTH), ((0.0, self.d6, 0.0), BACK),
         )  # fmt: skip
-
-    @property
-    def link_distances(self) -> tuple[float, ...]:
-        """Upper bounds of the distance of each link's origin from the limb's base [m]."""
-        d1, a2, a3, d4, d5, d6 = np.abs(self.lengths).tolist()
-        return tuple(np.cumsum([0.0, d1, 0.0, a2, a3 + d4, d5, d6]).tolist())
-
-    @property
-    def anchors(self) -> dict[int, tuple[AnchorPlace, ...]]:
-        """Anchors from which the motion of points of each link, 1 to 6, can be bounded."""
-        here = (0.0, 0.0, 0.0)
-        return {
-            1: ((0, here),),
-            2: ((0, here), (1, (self.a2, 0.0, 0.0))),
-            3: ((1, here), (2, (self.a3, 0.0, 0.0))),
-            4: ((2, (0.0, 0.0, -self.d4)), (3, (0.0, -self.d5, 0.0))),
-            5: ((3, here),),
-            6: ((3, (0.0, 0.0, -self.d6)),),
-        }
-
-    @property
-    def side_offsets(self) -> tuple[float, float]:
-        """Offsets d4 of the wrist point from the forearm and d5 of the flange axis from wrist 1."""
-        return self.d4, self.d5
 
 
 LIMB = Struct.of(Limb)

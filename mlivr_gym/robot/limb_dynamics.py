@@ -13,7 +13,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
@@ -26,7 +25,7 @@ ARMS = ("ur3e", "ur5e", "ur10e")
 """Arms whose figures ship."""
 
 SAME_LENGTH = 1e-3
-"""Limbs whose lengths differ by less are one kind of arm [m]: calibrated figures vary a little."""
+"""Limbs whose links differ by less are one kind of arm [m]: calibrated figures vary a little."""
 
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
@@ -167,11 +166,8 @@ def arm_limb(name: str) -> Limb:
 
 def arm_of(limb: LimbBase) -> str | None:
     """Return the name of the arm that ships with the lengths of a limb, or None."""
-    if not isinstance(limb, Limb):
-        return None
     for name in ARMS:
-        apart: Array = limb.lengths - arm_limb(name).lengths
-        if np.abs(apart).max() < SAME_LENGTH:
+        if np.abs(limb.steps - arm_limb(name).steps).max() < SAME_LENGTH:
             return name
     return None
 
@@ -184,9 +180,8 @@ def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
     """
     name = arm_of(limb)
     if name is None:
-        lengths = ", ".join(f"{length:g}" for length in limb.lengths)
         raise RobotError(
-            f"robot {robot!r} cannot be simulated: its limbs' lengths {lengths} m are "
+            f"robot {robot!r} cannot be simulated: its limbs' links are "
             f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
             "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
             "to take that arm's figures"

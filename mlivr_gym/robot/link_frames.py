@@ -1,24 +1,17 @@
-"""Frames of the links of a limb, those of the manufacturer's description."""
+"""Rigid transforms, and the frames of the links of a limb."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.limb import LimbBase, LinkQuaternion
+from mlivr_gym.kinematics.forms import frames_at
 
-
-def axes_of(quaternion: LinkQuaternion) -> Array:
-    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+if TYPE_CHECKING:
+    from mlivr_gym.robot.limb import LimbBase
 
 
 def link_frames(limb: LimbBase, angles: Array) -> Array:
@@ -26,18 +19,7 @@ def link_frames(limb: LimbBase, angles: Array) -> Array:
 
     Joint angles have shape (..., 6) [rad].
     """
-    frames = np.empty((*angles.shape[:-1], 7, 4, 4))
-    frames[..., 0, :, :] = np.eye(4)
-    for k, (origin, quaternion) in enumerate(limb.link_offsets):
-        step = np.zeros((*angles.shape[:-1], 4, 4))
-        step[..., 0, 0] = step[..., 1, 1] = np.cos(angles[..., k])
-        step[..., 1, 0] = np.sin(angles[..., k])
-        step[..., 0, 1] = -step[..., 1, 0]
-        step[..., 2, 2] = step[..., 3, 3] = 1.0
-        step[..., :3, :3] = axes_of(quaternion) @ step[..., :3, :3]
-        step[..., :3, 3] = origin
-        frames[..., k + 1, :, :] = frames[..., k, :, :] @ step
-    return frames
+    return frames_at(limb.steps, limb.senses, angles)
 
 
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
@@ -50,3 +32,9 @@ def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
 def inverse(frame: Array) -> Array:
     """Return the inverse of a rigid transform, shape (4, 4)."""
     return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
+
+
+def turn_about_z(angle: float) -> Array:
+    """Return the rigid transform of a turn about the z axis [rad], shape (4, 4)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], (0.0, 0.0, 0.0))

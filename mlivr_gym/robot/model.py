@@ -15,9 +15,8 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
-from mlivr_gym.robot.link_frames import axes_of
-from mlivr_gym.robot.rigid import RigidBody
-from mlivr_gym.values import as_triple
+from mlivr_gym.robot.rigid import RigidBody, axes_of
+from mlivr_gym.values import Triple, as_triple
 
 ROBOT, SURROUNDINGS = 1, 2
 """Bits of `contype` and `conaffinity`.
@@ -36,7 +35,7 @@ _TOUCHES = {"contype": ROBOT, "conaffinity": ROBOT | SURROUNDINGS}
 
 
 class RobotJoint(NamedTuple):
-    """A joint about the z axis of the link that it moves."""
+    """A joint along the z axis of the link that it moves."""
 
     name: str
     """Its name."""
@@ -48,6 +47,13 @@ class RobotJoint(NamedTuple):
     """Largest speed [rad/s]."""
     rotor: float
     """Inertia of its rotor [kg m^2]."""
+    sign: float
+    """1 if its axis leads along the z axis, -1 if against it."""
+
+    @property
+    def axis(self) -> Triple:
+        """Its axis in the frame of the link."""
+        return 0.0, 0.0, self.sign
 
 
 class RobotLink(NamedTuple):
@@ -80,8 +86,9 @@ def rgba(colour: str) -> tuple[float, float, float, float]:
 def robot_spec_alone(robot: DerivedFigures) -> Any:
     """Return a robot that floats in empty space without gravity, as a `mujoco.MjSpec`.
 
-    The body is `"base"` with free joint `"base"`; joint k of limb i is `"limb{i}/joint{k}"`, its
-    flange frame is site `"limb{i}/flange"`, its grasp point site `"limb{i}/grasp"`. Capsules are
+    The body is `"base"` with free joint `"base"`; joints have the names of
+    `RobotSpec.named_joints`. The flange frame of limb i is site `"limb{i}/flange"`, its grasp point
+    site `"limb{i}/grasp"`. Capsules are
     `"limb{i}/{link}/{number}"`. A robot whose masses are not known has those of the UR5e, which a
     picture does not need and a simulation refuses.
     """
@@ -113,8 +120,8 @@ def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterato
     for k, (origin, quaternion) in enumerate(limb.link_offsets):
         centre = as_triple(np.array(dynamics.centres[k]))
         joint = RobotJoint(
-            f"limb{i}/joint{k + 1}", tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
-            dynamics.speed_limits[k], dynamics.rotor_inertias[k],
+            robot.named_joints[i][k], tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
+            dynamics.speed_limits[k], dynamics.rotor_inertias[k], float(limb.senses[k]),
         )  # fmt: skip
         name = f"limb{i}/{LINKS[k + 1]}"
         yield RobotLink(
@@ -193,7 +200,7 @@ def _add_link(made: dict[str, Any], link: RobotLink, tool_length: float, limb_co
         body.fullinertia = list(link.solid.inertia)
     if link.joint is not None:
         body.add_joint(
-            name=link.joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1],
+            name=link.joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=link.joint.axis,
             range=link.joint.limits, armature=link.joint.rotor,
         )  # fmt: skip
     colour = rgba(limb_colour)

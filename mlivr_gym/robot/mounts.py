@@ -13,7 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
 from mlivr_gym.robot.limb_dynamics import (
     LIMB_DYNAMICS,
@@ -42,11 +42,11 @@ class Mount:
     rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()]
     """Rows of the rotation from the limb's base axes to the body's; its third column is the axis of
     the first joint."""
-    limb: Annotated[AnyLimb | None, OrNone(Named(LIMB_OF_FAMILY, arm_limb))] = None
+    limb: Annotated[AnyLimb | None, OrNone(Named(ANY_LIMB, arm_limb))] = None
     """Kinematics of this limb; None for `RobotSpec.limb`."""
     capsules: GivenCapsules = None
     """Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is
-    given, for those of the UR5e stretched to its lengths."""
+    given, for those that it has by default."""
     dynamics: Annotated[LimbDynamics | None, OrNone(Named(LIMB_DYNAMICS, arm_dynamics))] = None
     """Masses, inertias and joint limits of this limb; None for `RobotSpec.dynamics`, or, if `limb`
     is given, for those of the arm that has its lengths."""
@@ -64,24 +64,30 @@ MOUNT = Struct.of(Mount)
 """Fields of a `Mount`."""
 
 
-def without_empty_looks(data: dict[str, Any]) -> dict[str, Any]:
-    """Return plain data of a robot with `visuals` and `cargo` only where there are any."""
-    if data["cargo"] is None:
-        del data["cargo"]
-    elif data["cargo"]["limb"] is None:
-        del data["cargo"]["limb"]
-    parts = [data, *(data["mounts"] or ())]
-    for part in parts:
-        if part["visuals"] is None:
-            del part["visuals"]
-    return data
+SPARSE = ("visuals", "cargo", "joint_names")
+"""Fields of robots, and of their parts, that plain data name only where there are any."""
+
+
+def without_none(data: dict[str, Any]) -> dict[str, Any]:
+    """Return plain data of a robot with the `SPARSE` fields only where there are any."""
+    cargo, kept = data.get("cargo"), dict[str, Any]()
+    if cargo is not None and cargo["limb"] is None:
+        del cargo["limb"]
+    for name, value in data.items():
+        if isinstance(value, dict):
+            kept[name] = without_none(value)
+        elif isinstance(value, list | tuple):
+            kept[name] = type(value)(
+                without_none(one) if isinstance(one, dict) else one for one in value
+            )
+        elif value is not None or name not in SPARSE:
+            kept[name] = value
+    return kept
 
 
 def plain_without_looks(mount: Mount) -> dict[str, Any]:
     """Return what plans depend on of a mount, as plain data."""
-    data = asdict(replace(mount, dynamics=None))
-    del data["visuals"]
-    return data
+    return without_none(asdict(replace(mount, dynamics=None, visuals=None)))
 
 
 def even_mounts(limbs: int, radius: float) -> tuple[Mount, ...]:

@@ -20,7 +20,7 @@ from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.robot.any_limb import LIMB_OF_FAMILY, AnyLimb
+from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.build_checks import check_build, check_cargo
 from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
@@ -43,7 +43,7 @@ from mlivr_gym.robot.mounts import (
     GivenCapsules,
     Mount,
     plain_without_looks,
-    without_empty_looks,
+    without_none,
 )
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
@@ -53,12 +53,12 @@ from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, T
 from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 FOLDS_OF_LIMB: tuple[tuple[float, ...], ...] = ((),)
-"""Stands for the folds of the limb's family, `Limb.default_folds`."""
+"""Stands for `Limb.default_folds`."""
 
 SUFFIXES = (".urdf", ".xml", ".mjcf")
 """Endings of the files that `from_file` reads."""
 
-PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals")
+PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals", "joint_names")
 """Fields of a robot on which no plan depends."""
 
 
@@ -79,7 +79,7 @@ class RobotSpec(DerivedFigures):
     """Short name."""
     limbs: Annotated[int, Integer(2, MOST_LIMBS)] = 2
     """Number of limbs N, at least 2; with `mounts` it is their number."""
-    limb: Annotated[AnyLimb, Named(LIMB_OF_FAMILY, arm_limb)] = field(default_factory=Limb)
+    limb: Annotated[AnyLimb, Named(ANY_LIMB, arm_limb)] = field(default_factory=Limb)
     """Kinematics of one limb."""
     mount_radius: Annotated[float, SIZE] = 0.1
     """Distance of a limb's base from the body's z axis [m]."""
@@ -112,10 +112,10 @@ class RobotSpec(DerivedFigures):
     ] = FOLDS_OF_LIMB
     """Angles of joints 1 to 5 [rad] at which a free limb may stay folded while the base moves, at
     most four, the preferred first; those outside the windows of the joints are left out. By default
-    those of the limb's family."""
+    `default_folds` of the limb."""
     capsules: GivenCapsules = None
-    """Collision shapes of a limb; by default those of the UR5e, stretched to the limb's lengths, or
-    those of another family along its links, and a gripper from the flange to the grasp."""
+    """Collision shapes of a limb; by default those of the UR5e, or of
+    another arm simple ones along its links, and a gripper from the flange to the grasp."""
     body_size: Annotated[float | Triple, SizeOrEdges()] = 0.2
     """Edge of the body, a cube, or its three edges along x, y and z [m]."""
     body_mass: Annotated[float, Tuples((), *MASSES, "kg")] = 20.0
@@ -141,6 +141,10 @@ class RobotSpec(DerivedFigures):
     """Meshes that show a limb in pictures; None for those that ship, or for its capsules."""
     cargo: Annotated[Cargo | None, OrNone(CARGO)] = None
     """Load that is fixed to the body; None for none."""
+    joint_names: Annotated[
+        tuple[tuple[str, ...], ...] | None, OrNone(ListOf(ListOf(NAME, 6, 6), 2, MOST_LIMBS))
+    ] = None
+    """Names of the joints of each limb that move, six of them; None for `named_joints`."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -156,10 +160,22 @@ class RobotSpec(DerivedFigures):
             check_inertia(self.body_inertia, FieldPath("body_inertia", RobotError))
         check_moving(self.capsules, FieldPath("", RobotError))
         check_cargo(self)
+        self._check_names()
         if self.span <= self.grasp_separation:
             raise RobotError(
                 f"span is {self.span!r}; it must exceed grasp_separation {self.grasp_separation!r}"
             )
+
+    def _check_names(self) -> None:
+        """Refuse names of joints that are not those of the limbs, or not different."""
+        names = [name for limb in self.joint_names or () for name in limb]
+        if self.joint_names is not None and len(self.joint_names) != self.limbs:
+            raise RobotError(
+                f"joint_names is of {len(self.joint_names)} limbs; the robot has {self.limbs}"
+            )
+        for k, name in enumerate(names):
+            if name in names[:k]:
+                raise RobotError(f"joint_names has {name!r} twice; names must differ")
 
     @property
     def fingerprint(self) -> str:
@@ -172,8 +188,12 @@ class RobotSpec(DerivedFigures):
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the description as plain data for JSON, with `visuals` only if there are any."""
-        return without_empty_looks(asdict(self))
+        """Return the description as plain data for JSON.
+
+        What a robot has only if it was read from a file, or is loaded, is left out where it is
+        None.
+        """
+        return without_none(asdict(self))
 
     @classmethod
     def from_dict(cls, data: Any, name: str = "robot") -> RobotSpec:

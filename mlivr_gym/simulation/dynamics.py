@@ -97,10 +97,11 @@ def dynamics_spec(
 ) -> mujoco.MjSpec:
     """Return the scene of `scene.scene_spec` with motors, compliant grasps and sensors.
 
-    The motor of joint k of limb i is the actuator `"limb{i}/joint{k}"`; those of its grasp are
-    `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1. Each has a force
-    sensor of the same name. The anchor of limb i is body and site `"limb{i}/anchor"`. The sensors
-    `"contact"`, `"velocity"` and `"angular_momentum"` belong to the whole robot.
+    The motor of a joint is the actuator of its name, see `RobotSpec.named_joints`; those of the
+    grasp of limb i are `"limb{i}/grasp/x"` to `"limb{i}/grasp/about_z"`, in actuator group i + 1.
+    Each has a force sensor of the same name. The anchor of limb i is body and site
+    `"limb{i}/anchor"`. The sensors `"contact"`, `"velocity"` and `"angular_momentum"` belong to the
+    whole robot.
 
     The grasps are by default those of `Physics()`; obstacles are boxes in addition to those of the
     map. Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
@@ -114,7 +115,7 @@ def dynamics_spec(
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     grippers = 0
     for limb in range(robot.limbs):
-        _add_motors(spec, limb, torque_limits[limb].tolist())
+        _add_motors(spec, robot.named_joints[limb], torque_limits[limb].tolist())
         _add_grasp(spec, limb, physics)
         grippers |= gripper_bit(limb)
         for geom in spec.body(f"limb{limb}/gripper").geoms:
@@ -135,10 +136,9 @@ def gripper_bit(limb: int) -> int:
     return 1 << (FIRST_GRIPPER_BIT + limb)
 
 
-def _add_motors(spec: mujoco.MjSpec, limb: int, torque_limits: Sequence[float]) -> None:
+def _add_motors(spec: mujoco.MjSpec, names: Sequence[str], torque_limits: Sequence[float]) -> None:
     """Add a torque motor with its limit to each joint of a limb."""
-    for k, limit in enumerate(torque_limits, 1):
-        name = f"limb{limb}/joint{k}"
+    for name, limit in zip(names, torque_limits, strict=True):
         # A stop would hide how far the controller lets a joint go; leaving the limits is a failure
         # that is reported.
         spec.joint(name).limited = mujoco.mjtLimited.mjLIMITED_FALSE

@@ -20,10 +20,6 @@ RECORD_PERIOD = 0.02
 """Spacing of the recorded samples [s]."""
 
 
-JOINT_NAMES = [f"joint{k}" for k in range(1, 7)]
-"""Names of a limb's joints in the model, which has base and limbs in their order."""
-
-
 class Measurements(NamedTuple):
     """Measurements at n successive time steps."""
 
@@ -45,9 +41,11 @@ class Instruments:
         """Look up where the sensors of a robot with N limbs write their data."""
         self.model, self._limbs = model, limbs
         self.mass = float(model.body_mass.sum())
-        self._torques, self._wrenches = (
-            np.array([[self._sensor(f"limb{i}/{name}") for name in names] for i in range(limbs)])
-            for names in (JOINT_NAMES, [f"grasp/{axis}" for axis in AXES])
+        # The model has the free joint of the base, then those of the limbs in their order.
+        joints = [self._sensor(model.joint(1 + k).name) for k in range(6 * limbs)]
+        self._torques = np.array(joints).reshape(limbs, 6)
+        self._wrenches = np.array(
+            [[self._sensor(f"limb{i}/grasp/{axis}") for axis in AXES] for i in range(limbs)]
         )
         self._anchors = [model.body(f"limb{i}/anchor").id for i in range(limbs)]
         self._contact, self._velocity, self._momentum = (

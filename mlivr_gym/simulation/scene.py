@@ -51,9 +51,9 @@ def scene_spec(
     i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of links of a limb that cannot touch are
     excluded.
 
-    The body of the robot is `"base"` with the free joint `"base"`. Joint k of limb i is
-    `"limb{i}/joint{k}"`, its flange frame is the site `"limb{i}/flange"`, its grasp frame the site
-    `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
+    The body of the robot is `"base"` with the free joint `"base"`. Its joints have the
+    names of `RobotSpec.named_joints`. The flange frame of limb i is the site `"limb{i}/flange"`,
+    its grasp frame the site `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
 
     Obstacles are boxes in addition to those of the map. Raises a `ShapeError` if two boxes have the
     same id.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.schema import FieldPath, Integer
@@ -16,7 +16,7 @@ from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
-from mlivr_gym.transitions.state import State, Successors, moving_limb
+from mlivr_gym.transitions.state import State, Successors
 
 Pieces = Callable[[str, int], Iterable[slice]]
 """A function that divides a number of items of some kind into pieces, to work on them in turn."""
@@ -72,13 +72,6 @@ class CheckedSteps(ChangingWorld):
         if not self.settings.transitions:
             return int(posture.branch_sets[0, limb])
         return self.releasable_branches(state.stance, posture, limb)
-
-    def pivot(self, before: tuple[int, ...], after: tuple[int, ...]) -> Array:
-        """Return the centre of an arc as base path: the centroid of the points held [m], (3,)."""
-        limb = moving_limb(before, after)
-        others = [point for i, point in enumerate(after) if i != limb]
-        centre: Array = self.grasp_map.positions[others].mean(axis=0)
-        return centre
 
     def branch_sets_after(
         self,

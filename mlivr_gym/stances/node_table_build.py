@@ -128,30 +128,21 @@ def kept_at_most(
 ) -> EdgeSet:
     """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
 
-    They are the union of those kept on the step there and on that back, whose candidate lines may
-    differ, see `relaxed_steps`.
+    They are the same on the step back, see `relaxed_steps`.
     """
     rows, moved = np.divmod(members, graph.limbs)
     relabellings = moved if is_symmetric_after_relabelling(graph.robot) else np.zeros_like(moved)
     stances = node_stances(graph.grasp_map, graph.robot, table, rows, relabellings)
-    branch_sets, world = stances.branch_sets, graph.checks.world(None)
-    first = moved - relabellings + 1  # the limb after the swing limb
-
-    def at_most(one: IntArray, other: IntArray) -> NDArray[np.uint64]:
-        """Return the branches that steps from some members to others keep at most."""
-        steps = graph.checks.steps(stances, one, other, branch_sets[one])
-        graph.checks.relax(steps, stances, world)
-        of_supports = relabelled(steps["kept"][:, : graph.limbs], first[one])[:, :-1]
-        kept = packed(of_supports)
-        kept[~of_supports.all(axis=1)] = 0
-        return kept
-
-    one, other = pairs.T
-    shared = packed(relabelled(branch_sets[one] & branch_sets[other], first[one])[:, :-1])
-    kept = at_most(one, other)
-    less = np.flatnonzero(kept != shared)
-    kept[less] |= at_most(other[less], one[less])
-    return EdgeSet.of(shared, kept)
+    branch_sets, (one, other) = stances.branch_sets, pairs.T
+    first = (moved - relabellings + 1)[one]  # the limb after the swing limb
+    steps = graph.checks.steps(stances, one, other, branch_sets[one])
+    graph.checks.relax(steps, stances, graph.checks.world(None))
+    of_supports = relabelled(steps["kept"][:, : graph.limbs], first)[:, :-1]
+    kept = packed(of_supports)
+    kept[~of_supports.all(axis=1)] = 0
+    return EdgeSet.of(
+        packed(relabelled(branch_sets[one] & branch_sets[other], first)[:, :-1]), kept
+    )
 
 
 def _graph(world: World) -> ImplicitGraph:

@@ -19,9 +19,9 @@ from mlivr_gym.collisions.limb_shapes import LimbModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, only
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, FlangeAxis, in_window
-from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles, link_frames
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, FlangeAxis, in_window, link_frames
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along, dot, length, minus, vector
 
@@ -52,7 +52,7 @@ class Departure(Record):
     middle: Joints
     """Scratch: joint angles in the middle of a piece [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
-    """Scratch: link frames there, see `families.link_frames`."""
+    """Scratch: link frames there, see `chain.link_frames`."""
 
 
 @kernel

@@ -5,15 +5,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of, codes_of
-from mlivr_gym.kinematics.base_path import STRAIGHT
 from mlivr_gym.transitions.line_steps import ON_LINE, OTHER_FOLD
 
 
 class Edge(NamedTuple):
-    """An edge of the stance graph: way of the base, swing, and the branches that limbs keep."""
+    """An edge of the stance graph: the swing, and the branches that limbs keep."""
 
-    path_kind: int
-    """Of three and more limbs: kind of the base path, `base_path.STRAIGHT` or `base_path.ARC`."""
     line_branches: int
     """Branches between which the limb can swing along a line in joint space, `8 * before + after`;
     -1 if it can be moved in a fold."""
@@ -27,7 +24,7 @@ def edge_of(step: Any, limbs: int) -> Edge:
         support = 1 - int(step["limb"])
         return edge_alone(support, int(step["kept"][support]), step)
     kept = {i: int(branch_set) for i, branch_set in enumerate(step["kept"]) if branch_set}
-    return Edge(int(step["path_kind"]), int(step["line_branches"]), kept)
+    return Edge(int(step["line_branches"]), kept)
 
 
 def edge_alone(support: int, kept: int, found: Any) -> Edge:
@@ -37,10 +34,10 @@ def edge_alone(support: int, kept: int, found: Any) -> Edge:
     `StepRecord`.
     """
     if not kept:
-        return Edge(STRAIGHT, -1, {})
+        return Edge(-1, {})
     is_on_line = _code_of(kept, found) == ON_LINE
     line_branches = int(found["line_branches"]) if is_on_line else -1
-    return Edge(STRAIGHT, line_branches, {support: kept})
+    return Edge(line_branches, {support: kept})
 
 
 def is_told_apart(kept: int, found: Any) -> bool:

@@ -9,9 +9,9 @@ import numpy as np
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import FlangeAxis, in_window
-from mlivr_gym.kinematics.families import branch_angles
+from mlivr_gym.kinematics.chain import FlangeAxis, in_window
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import branch_angles
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
 from mlivr_gym.transitions.records import StepScratch

@@ -16,9 +16,10 @@ from typing import Any, cast
 import numpy as np
 
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import LineScratch, check_line
-from mlivr_gym.collisions.joint_lines import jacobian_determinant, place_axes
+from mlivr_gym.collisions.intervals import check_line
+from mlivr_gym.collisions.joint_lines import place_axes
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
@@ -32,9 +33,10 @@ from mlivr_gym.compiled.bit_sets import (
     with_code,
 )
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.kinematics.arm import LIMIT_TOLERANCE, in_window
-from mlivr_gym.kinematics.families import SINGULAR_TOO
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window
+from mlivr_gym.kinematics.following import invert_jacobian
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.transitions.grasp_poses import folded, line_end
@@ -92,7 +94,7 @@ def set_line(
         there = there and hold(limb, base, grasp, branch, to)
         to.q[5] = in_window(to.q[5] + np.pi * flip, window[5, 0])
         there = there and to.q[5] <= window[5, 1] + LIMIT_TOLERANCE
-    line.leader, sign = support, 1.0 - 2.0 * flip
+    line.leader, line.follows, sign = support, EMPTY, 1.0 - 2.0 * flip
     for k in range(3):
         line.grasp.position[k] = grasp.flange.position[k]
         for column in range(3):
@@ -173,7 +175,7 @@ def _stays_regular(limb: LimbModel, floor: float, scratch: LineScratch) -> bool:
         for j in range(6):
             placed.q[j] = first[j] + s * (last[j] - first[j])
         place_axes(limb, placed)
-        if jacobian_determinant(placed, scratch.jacobian) < floor:
+        if invert_jacobian(placed.joints, scratch.proof) < floor:
             return False
     return True
 
@@ -270,7 +272,7 @@ def is_clear(
     compared = lines.compared
     compared.boxes = only(support) | only(moving)
     compared.holding, compared.base, compared.resting = only(support), YES, NO
-    compared.first = moving
+    compared.first, compared.placed = moving, EMPTY
     lines.surface.applies = False
     # Obstacles come first: where there are any, most lines are known to be clear of the map.
     for k in range(first_layer, world.stop):

@@ -8,12 +8,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.intervals import LineScratch
-from mlivr_gym.collisions.motion import SweepScratch
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.compiled.records import Record, Rows, Vector
-from mlivr_gym.kinematics.base_path import BasePath
-from mlivr_gym.kinematics.holding import Holding
+from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.specification import MOST_LIMBS
@@ -87,8 +84,6 @@ class StepRecord(Record):
     """Stance before the step."""
     after: int
     """Stance after the step."""
-    pivot: Vector
-    """Centre of an arc as base path [m]."""
     branches: Limbs
     """Branches that each support limb may be on."""
     fixed: bool
@@ -98,10 +93,6 @@ class StepRecord(Record):
     known are checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
-    path_kind: int
-    """Of more limbs: kind of the base path."""
-    fold: int
-    """Of more limbs: fold in which the limb can be moved, -1 for none."""
     swings: int
     """Of two limbs: for each branch of the support, four bits with the code of its swing, see
     `line_steps`."""
@@ -114,14 +105,10 @@ class StepScratch(Record):
     """Scratch of the check of one step."""
 
     line: LineScratch
-    sweep: SweepScratch
-    holding: Holding
-    path: BasePath
-    """Base path under check."""
-    can_follow: Annotated[IntArray, (2, MOST_LIMBS), np.int64]
-    """Branches on which each support limb can follow both kinds of base path."""
-    can_follow_known: Annotated[IntArray, (2,), np.int64]
-    """Whether these were computed."""
+    back: bool
+    """Whether the way of the base is checked from its end to its start."""
+    apart: Annotated[IntArray, (MOST_LIMBS, BRANCHES, MOST_LIMBS), np.int64]
+    """For each branch of a limb, set of the branches of another limb that may be clear of it."""
     clear: Limbs
     """Branches that are clear of all that does not depend on the swing."""
     clear_of_swing: Limbs

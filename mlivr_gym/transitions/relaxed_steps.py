@@ -1,31 +1,45 @@
 """Relaxed steps: an upper bound of the branches that a step keeps, whatever the label (compiled).
 
 The branches that `steps` keeps depend on those that the support limbs may be on: of two branches
-that come too close to each other one is removed, and the second base path is checked only if the
-first keeps none. So a step that fails with all branches may pass with some of them. A relaxed step
-removes a branch only if it is kept on no base path, in no fold and on no line, whatever branches
-the other limbs are on. It keeps all that `steps` keeps for any label; if it keeps none, there is no
-step.
+that come too close to each other one is removed, and the first swing that serves all is taken. A
+relaxed step removes a branch only if it is not kept beside any swing, whatever branches the other
+limbs are on: what a support is close to alone is proved on the whole way, and what two limbs are
+close to is looked at in the middles of the first intervals. It keeps all that `steps` keeps for any
+label; if it keeps none, there is no step. The step back is relaxed alike, since both are checked
+from the same end.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
-from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, has, has_branch, without_branch
+import numpy as np
+
+from mlivr_gym.collisions.followers import WHOLE, choose_branch
+from mlivr_gym.compiled.bit_sets import (
+    BRANCHES,
+    EMPTY,
+    any_flip,
+    has,
+    has_branch,
+    only,
+    without_branch,
+)
 from mlivr_gym.compiled.kernels import entry, kernel
-from mlivr_gym.postures.records import Limbs
-from mlivr_gym.transitions.grasp_poses import folded
-from mlivr_gym.transitions.motions import set_base_motion, swing_clear
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
-    all_follow,
-    line_clear,
-    reset_step,
-    set_step_path,
+    are_apart,
+    begin,
+    each_alone,
+    follow,
+    set_fold,
+    set_swing_line,
+    swing_clear,
 )
-from mlivr_gym.transitions.supports import SWING_INDEPENDENT, SWING_LIMB, both_clear, each_clear
 from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
+
+MIDDLES = cast(int, np.int64(8))
+"""Number of the interval before which middles are looked at."""
 
 
 @entry
@@ -40,120 +54,91 @@ def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_r
 
 @kernel
 def _relax(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Write the branches that support limbs keep at most into `step.kept`.
-
-    A motion is checked only while it can add a branch.
-    """
+    """Write the branches that support limbs keep at most into `step.kept`."""
     stances, robot, world = context.stances, context.robots[0], context.world
-    reset_step(step, robot, scratch)
+    begin(step, context, scratch)
+    if world.stop == 0:
+        if follow(WHOLE, step, context, scratch):
+            for i in range(robot.limb_count):
+                step.kept[i] = scratch.clear[i]
+        return
     before = stances.releases[step.before, step.limb]
     after = stances.releases[step.after, step.limb]
-    if world.stop > 0 and (before.branches == 0 or after.branches == 0):
+    if before.branches == 0 or after.branches == 0:
         return
-    for path_kind in range(2):
-        if not all_follow(path_kind, step, context, scratch):
-            continue
-        for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[path_kind, i]
-        if world.stop == 0:
-            _add(step, scratch.clear, robot.limb_count)
-        elif not _keeps_all(step, scratch.clear, robot.limb_count):
-            set_step_path(path_kind, step, context, scratch)
-            set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            if _each_keeps_one(SWING_INDEPENDENT, scratch.clear, step, context, scratch):
-                _relax_folded(before.folds & after.folds, step, context, scratch)
-                _relax_on_lines(step, context, scratch)
+    # Most branches that are lost are lost in a middle, which is quick to see.
+    if not each_alone(MIDDLES, step, context, scratch):
+        return
+    if not each_alone(WHOLE, step, context, scratch):
+        return
+    _find_apart(step, context, scratch)
+    for fold in range(robot.fold_count):
+        if has(before.folds & after.folds, fold) and not _keeps_all(step, context, scratch):
+            set_fold(fold, step, robot, scratch)
+            _add_beside_swing(step, context, scratch)
+    if not _keeps_all(step, context, scratch):
+        count = lines_by_travel(step, context, scratch)
+        for k in range(min(count, TRIES)):
+            if not _keeps_all(step, context, scratch):
+                set_swing_line(scratch.order[k], step, scratch)
+                _add_beside_swing(step, context, scratch)
 
 
 @kernel
-def _keeps_all(step: StepRecord, branch_sets: Limbs, limbs: int) -> bool:
-    """Return whether all requested branches are kept."""
+def _keeps_all(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Return whether all branches that are clear alone are kept."""
     missing = EMPTY
-    for i in range(limbs):
-        if i != step.limb:
-            missing |= branch_sets[i] & ~step.kept[i]
-    return bool(missing == 0)
+    for i in range(context.robots[0].limb_count):
+        missing |= scratch.clear[i] & ~step.kept[i]
+    return bool(missing == EMPTY)
 
 
 @kernel
-def _add(step: StepRecord, branch_sets: Limbs, limbs: int) -> None:
-    """Add branches to those that are kept at most."""
-    for i in range(limbs):
-        if i != step.limb:
-            step.kept[i] |= branch_sets[i]
+def _find_apart(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
+    """Find for each branch of a support the branches of the others that are clear of it."""
+    robot, world, lines = context.robots[0], context.world, scratch.line
+    for i in range(robot.limb_count):
+        for b in range(BRANCHES):
+            for j in range(robot.limb_count):
+                scratch.apart[i, b, j] = EMPTY
+    for i in range(robot.limb_count):
+        for j in range(i + 1, robot.limb_count):
+            for b in range(BRANCHES):
+                for c in range(BRANCHES):
+                    both = has_branch(scratch.clear[i], b) and has_branch(scratch.clear[j], c)
+                    if not both:
+                        continue
+                    choose_branch(i, b, scratch.clear[i], lines)
+                    choose_branch(j, c, scratch.clear[j], lines)
+                    if are_apart(MIDDLES, i, j, robot, world, lines):
+                        scratch.apart[i, b, j] |= only(c)
+                        scratch.apart[j, c, i] |= only(b)
 
 
 @kernel
-def _each_keeps_one(
-    parts: int, branch_sets: Limbs, step: StepRecord, context: StepContext, scratch: StepScratch
-) -> bool:
-    """Remove branches that collide whatever other limbs do; return whether each limb keeps one."""
-    world = context.world
-    for layer in range(world.first, world.stop):
-        if not each_clear(parts, layer, step, context, branch_sets, scratch):
-            return False
-    return True
-
-
-@kernel
-def _relax_folded(folds: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Add the branches that are clear while the swing limb stays in one of the given folds."""
-    robot, world = context.robots[0], context.world
-    for k in range(robot.fold_count):
-        if not has(folds, k) or _keeps_all(step, scratch.clear, robot.limb_count):
-            continue
-        folded(robot, k, 0.0, scratch.start)
-        folded(robot, k, 0.0, scratch.end)
-        clear = True
-        for layer in range(world.first, world.stop):
-            clear = clear and swing_clear(
-                robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
-            )
-        if clear:
-            _relax_with_swing(step, context, scratch)
-
-
-@kernel
-def _relax_on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Add the branches that are clear while the swing limb follows one of the candidate lines."""
-    limbs = context.robots[0].limb_count
-    if _keeps_all(step, scratch.clear, limbs):
+def _add_beside_swing(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
+    """Add the branches that supports keep at most beside the swing that is set."""
+    robot, world, lines = context.robots[0], context.world, scratch.line
+    if not swing_clear(MIDDLES, step, robot, world, lines):
         return
-    count = lines_by_travel(step, context, scratch)
-    for k in range(min(count, TRIES)):
-        done = _keeps_all(step, scratch.clear, limbs)
-        if not done and line_clear(scratch.order[k], step, context, scratch):
-            _relax_with_swing(step, context, scratch)
-
-
-@kernel
-def _relax_with_swing(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Add the branches that are clear of the swing in `scratch`."""
-    limbs, branch_sets = context.robots[0].limb_count, scratch.clear_of_swing
-    for i in range(limbs):
-        branch_sets[i] = scratch.clear[i]
-    if not _each_keeps_one(SWING_LIMB, branch_sets, step, context, scratch):
-        return
-    if context.world.first == 0:
-        for i in range(limbs):
-            for j in range(i + 1, limbs):
-                if i != step.limb and j != step.limb:
-                    _remove_conflicts(i, j, branch_sets, step, context, scratch)
-                    if branch_sets[i] == 0:
-                        return
-    _add(step, branch_sets, limbs)
-
-
-@kernel
-def _remove_conflicts(
-    i: int, j: int, branch_sets: Limbs, step: StepRecord, context: StepContext, scratch: StepScratch
-) -> None:
-    """Remove the branches of two support limbs that are too close to all of the other limb."""
-    alone_i, alone_j = branch_sets[i], branch_sets[j]
-    for b in range(BRANCHES):
-        for c in range(BRANCHES):
-            both = has_branch(branch_sets[i], b) and has_branch(branch_sets[j], c)
-            new = has_branch(alone_i, b) or has_branch(alone_j, c)
-            if both and new and both_clear(i, b, j, c, step, context, scratch):
-                alone_i, alone_j = without_branch(alone_i, b), without_branch(alone_j, c)
-    branch_sets[i], branch_sets[j] = branch_sets[i] & ~alone_i, branch_sets[j] & ~alone_j
+    kept = scratch.clear_of_swing
+    for i in range(robot.limb_count):
+        kept[i] = scratch.clear[i]
+        for b in range(BRANCHES):
+            if has_branch(kept[i], b):
+                choose_branch(i, b, scratch.clear[i], lines)
+                if not are_apart(MIDDLES, step.limb, i, robot, world, lines):
+                    kept[i] = without_branch(kept[i], b)
+        if i != step.limb and kept[i] == EMPTY:
+            return
+    for i in range(robot.limb_count):
+        for j in range(robot.limb_count):
+            for b in range(BRANCHES):
+                if step.limb in (i, j) or i == j or not has_branch(kept[i], b):
+                    continue
+                if scratch.apart[i, b, j] & any_flip(kept[j]) == EMPTY:
+                    kept[i] = without_branch(kept[i], b)
+        if i != step.limb and kept[i] == EMPTY:
+            return
+    for i in range(robot.limb_count):
+        step.kept[i] |= kept[i]

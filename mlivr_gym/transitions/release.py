@@ -35,8 +35,8 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.families import SINGULAR_TOO
 from mlivr_gym.kinematics.grasps import Grasp
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO
 from mlivr_gym.kinematics.limb import Angles, angles_at
 from mlivr_gym.kinematics.poses import Pose, vector
 from mlivr_gym.transitions.departures import set_departure
@@ -122,13 +122,14 @@ def release(
 def _rest(limb: int, base: Pose, layer: int, scratch: StepScratch) -> None:
     """Set the base to rest, and what a limb is compared with in a layer of the world."""
     line, compared = scratch.line.line, scratch.line.compared
-    line.leader = RESTING
+    line.leader, line.follows = RESTING, EMPTY
     for k in range(3):
         line.base.position[k] = base.position[k]
         for c in range(3):
             line.base.rotation[k, c] = base.rotation[k, c]
     inside = layer == 0
     compared.boxes, compared.holding, compared.base = only(limb), EMPTY, NO
+    compared.placed = EMPTY
     compared.itself = only(limb) if inside else EMPTY
     compared.first, compared.second, compared.resting = limb, NONE, inside
     scratch.line.resting.count = 0

@@ -104,8 +104,6 @@ class StepChecks:
         steps, points = StepRecord.rows(len(after)), stances.points
         limbs, moves = points.shape[1], points[after] != points[before]
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
-        at_supports = self.solver.grasps["point"][points[after]] * ~moves[..., None]
-        steps["pivot"] = at_supports.sum(axis=1) / (limbs - 1)
         steps["branches"][:, :limbs] = branch_sets
         return steps
 

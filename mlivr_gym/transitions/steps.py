@@ -1,62 +1,72 @@
-"""The check of a step of three and more limbs (compiled); for two limbs see `line_steps`.
+"""The check of a step of three limbs and more: the base moves straight, supports follow (compiled).
 
-On each base path, the straight one first, every support limb must be able to follow the base on a
-branch. The limb that moves is then checked in its folds, see `release`, with all branches of the
-support limbs that can follow; those that come too close to something are dropped. If no step is
-possible so, the line in joint space from above one point to above the other is checked instead, for
-pairs of branches in order of length. Both branches are among those on which the limb can be
-released at the two stances, between which it can change at rest: one pair that is clear serves them
-all, and the search need not know which.
+The base goes on a straight line and by slerp from one posture to the other, and each support limb
+follows it on its branch, see `kinematics.following`. The limb that moves stays in a fold that it
+has at both stances, or goes on a line in joint space from above one point to above the other. The
+first such swing, in a fixed order, beside which every support keeps a branch is that of the step.
+
+What is quick comes first: in the middles of the first intervals, each support on its own. Motions
+are checked from the end whose base comes first, so a step and that back have equal results.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
+
+from mlivr_gym.collisions.followers import (
+    WHOLE,
+    choose_branch,
+    compare_with,
+    forget,
+    is_clear,
+    set_follower,
+    with_flips,
+)
 from mlivr_gym.collisions.limb_shapes import RobotModel
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
-    ALL,
     BRANCHES,
     EMPTY,
+    NO,
     NONE,
+    YES,
+    both_flips,
+    first_branch,
     has,
+    has_branch,
     only,
+    without_branch,
 )
-from mlivr_gym.compiled.kernels import entry, kernel, part
-from mlivr_gym.kinematics.base_path import STRAIGHT, set_path
-from mlivr_gym.kinematics.holding import held_branches
+from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.kinematics.base_path import comes_first, set_path
 from mlivr_gym.kinematics.poses import vector
+from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.grasp_poses import folded, line_end
-from mlivr_gym.transitions.motions import (
-    set_base_motion,
-    swing_clear,
-)
-from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
-from mlivr_gym.transitions.supports import (
-    ALL_SHAPES,
-    SWING_INDEPENDENT,
-    SWING_LIMB,
-    remove_collisions,
-)
+from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch, WorldRecord
 from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
+
+FEW = cast(int, np.int64(4))
+"""Number of the interval before which middles are looked at first."""
+
+KEPT_CLEAR = 5e-4
+"""How far lines between the knots of what is committed may be from the motion that is checked,
+which keeps so much more than the clearance [m]."""
 
 
 @entry
 def check_supports(
     start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any
 ) -> None:
-    """Check whether every support limb can follow some base path, for steps from `start` to `stop`.
+    """Check whether every support limb may follow the base, for steps from `start` to `stop` - 1.
 
-    This is quick. `StepRecord.kept` is not empty if it can, and has no other meaning.
+    This is quick. `StepRecord.kept` is not empty if it may, and has no other meaning.
     """
-    robot = context.robots[0]
     for k in range(start, stop):
-        step, scratch = steps[k], scratch_rows[0]
-        reset_step(step, robot, scratch)
-        support = (step.limb + 1) % robot.limb_count
-        for path_kind in range(2):
-            if all_follow(path_kind, step, context, scratch):
-                step.kept[support] = ALL
+        begin(steps[k], context, scratch_rows[0])
+        if follow(FEW, steps[k], context, scratch_rows[0]):
+            steps[k].kept[(steps[k].limb + 1) % context.robots[0].limb_count] = both_flips(EMPTY)
 
 
 @entry
@@ -66,196 +76,254 @@ def check_all(start: int, stop: int, steps: Any, context: StepContext, scratch_r
     The context has the stances before and after the steps, with their releases.
     """
     for k in range(start, stop):
-        check(steps[k], context, scratch_rows[0])
+        _check(steps[k], context, scratch_rows[0])
 
 
 @kernel
-def reset_step(step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Clear the results of a step, and the limbs at rest."""
-    scratch.sweep.resting.count = 0
-    for path_kind in range(2):
-        scratch.can_follow_known[path_kind] = False
-    for i in range(robot.limb_count):
-        step.kept[i] = 0
-    step.path_kind, step.line_branches, step.fold = STRAIGHT, -1, -1
-
-
-@kernel
-def all_follow(
-    path_kind: int, step: StepRecord, context: StepContext, scratch: StepScratch
-) -> bool:
-    """Return whether all support limbs can follow a path; `scratch.can_follow` is filled once."""
+def begin(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
+    """Set the way of the base and the branches that supports may be on; clear the results."""
     stances, robot, world = context.stances, context.robots[0], context.world
-    is_known = scratch.can_follow_known[path_kind]
-    if not is_known:
-        scratch.can_follow_known[path_kind] = True
-        set_step_path(path_kind, step, context, scratch)
-    floor, able = world.thresholds[0].floor * robot.characteristic_length**3, True
+    lines = scratch.line
+    line, before, after = lines.line, stances.base[step.before], stances.base[step.after]
+    scratch.back = comes_first(vector(after.position), vector(before.position))
+    if scratch.back:
+        set_path(line.path, after, before)
+    else:
+        set_path(line.path, before, after)
+    line.follows = EMPTY
+    lines.floor = world.thresholds[0].floor * robot.characteristic_length**3
+    lines.surface.applies, lines.resting.count, step.line_branches = NO, EMPTY, NONE
     for i in range(robot.limb_count):
+        step.kept[i] = scratch.clear[i] = EMPTY
         if i == step.limb:
-            scratch.can_follow[path_kind, i] = 0
             continue
-        if not is_known:
-            scratch.can_follow[path_kind, i] = 0
-            if able:
-                branch_set = step.branches[i]
-                if not step.fixed:
-                    branch_set &= stances.branch_sets[step.after, i]
-                flange = world.grasps[stances.points[step.after, i]].flange
-                limb, holding = robot.limbs[i], scratch.holding
-                scratch.can_follow[path_kind, i] = held_branches(
-                    limb, flange, scratch.path, floor, branch_set, holding
-                )
-        able = able and scratch.can_follow[path_kind, i] != 0
-    return able
+        set_follower(i, world.grasps[stances.points[step.after, i]].flange, lines)
+        scratch.clear[i] = step.branches[i]
+        if not step.fixed:
+            scratch.clear[i] &= stances.branch_sets[step.after, i]
 
 
 @kernel
-def set_step_path(
-    path_kind: int, step: StepRecord, context: StepContext, scratch: StepScratch
-) -> None:
-    """Set the base path of a step."""
-    stances = context.stances
-    before, after = stances.base[step.before], stances.base[step.after]
-    set_path(scratch.path, before, after, path_kind, vector(step.pivot))
+def stays_clear(
+    before: int, layer: int, robot: RobotModel, world: WorldRecord, lines: LineScratch
+) -> bool:
+    """Return whether what was selected is clear in a layer of the world, see `is_clear`."""
+    grid = world.boxes if layer == 0 else world.obstacles
+    return is_clear(before, robot, grid, world.thresholds[0].clearance + KEPT_CLEAR, lines)
 
 
-@part
-def check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
+@kernel
+def follow(before: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Keep the branches on which supports follow, whatever they are close to.
+
+    For `before` see `is_clear`. Returned is whether each support keeps one.
+    """
+    robot, lines = context.robots[0], scratch.line
+    for i in range(robot.limb_count):
+        branch_set = scratch.clear[i]
+        for b in range(BRANCHES):
+            if has_branch(branch_set, b):
+                choose_branch(i, b, branch_set, lines)
+                compare_with(lines, EMPTY, NO, EMPTY, (NONE, NONE))
+                lines.compared.placed = only(i)
+                follows = stays_clear(before, 0, robot, context.world, lines)
+                branch_set = with_flips(follows, i, branch_set, lines)
+        scratch.clear[i] = branch_set
+        if i != step.limb and branch_set == EMPTY:
+            return False
+    return True
+
+
+@kernel
+def each_alone(before: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Keep the branches on which supports are clear of all but other limbs; see `follow`."""
+    robot, world, lines = context.robots[0], context.world, scratch.line
+    for layer in range(world.first, world.stop):
+        compare_with(lines, EMPTY, YES, EMPTY, (NONE, NONE))
+        if not stays_clear(before, layer, robot, world, lines):
+            return False
+        for i in range(robot.limb_count):
+            branch_set = scratch.clear[i]
+            for b in range(BRANCHES):
+                if has_branch(branch_set, b):
+                    choose_branch(i, b, branch_set, lines)
+                    itself = only(i) if layer == 0 else EMPTY
+                    compare_with(lines, only(i), NO, itself, (NONE, NONE))
+                    clear = stays_clear(before, layer, robot, world, lines)
+                    branch_set = with_flips(clear, i, branch_set, lines)
+            scratch.clear[i] = branch_set
+            if i != step.limb and branch_set == EMPTY:
+                return False
+    return True
+
+
+@kernel
+def _check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     """Check a step and write the result into it."""
     stances, robot, world = context.stances, context.robots[0], context.world
-    reset_step(step, robot, scratch)
-    able = False
-    for path_kind in range(2):
-        able = able or all_follow(path_kind, step, context, scratch)
-    if not able:
-        return
+    begin(step, context, scratch)
     if world.stop == 0:
-        _folded(step, context, EMPTY, scratch)
+        if follow(FEW, step, context, scratch) and follow(WHOLE, step, context, scratch):
+            _keep(scratch.clear, step, robot)
         return
     before = stances.releases[step.before, step.limb]
     after = stances.releases[step.after, step.limb]
     if before.branches == 0 or after.branches == 0:
         return
-    folds = before.folds & after.folds
-    if folds:
-        _folded(step, context, folds, scratch)
-    if not _any_kept(step, robot):
-        _on_lines(step, context, scratch)
-
-
-@kernel
-def _any_kept(step: StepRecord, robot: RobotModel) -> bool:
-    """Return whether support limbs keep a branch."""
-    kept = EMPTY
-    for i in range(robot.limb_count):
-        kept |= step.kept[i]
-    return bool(kept != 0)
-
-
-@kernel
-def _folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScratch) -> None:
-    """Keep the branches of support limbs that are clear while the other limb is folded.
-
-    Without collision checks there are no folds.
-    """
-    robot, world = context.robots[0], context.world
-    for path_kind in range(2):
-        if not all_follow(path_kind, step, context, scratch):
-            continue
-        for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[path_kind, i]
-        if world.stop > 0:
-            set_step_path(path_kind, step, context, scratch)
-            set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-            step.fold = _stays_folded(step, context, folds, scratch)
-            if step.fold < 0 or not remove_collisions(
-                ALL_SHAPES, step, context, scratch.clear, scratch
-            ):
-                step.fold = NONE
-                continue
-        _keep(path_kind, step, robot, scratch)
+    if not each_alone(FEW, step, context, scratch):
         return
-
-
-@kernel
-def _keep(path_kind: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
-    """Keep the branches in `scratch.clear`."""
-    step.path_kind = path_kind
-    for i in range(robot.limb_count):
-        if i != step.limb:
-            step.kept[i] = scratch.clear[i]
-
-
-@part
-def _stays_folded(step: StepRecord, context: StepContext, folds: int, scratch: StepScratch) -> int:
-    """Return the first fold in which the limb stays along the base path, or -1.
-
-    Among obstacles only the first fold that is clear of the map is checked.
-    """
-    robot, world = context.robots[0], context.world
-    fold = NONE
-    for layer in range(world.first, world.stop):
-        found = NONE
-        for k in range(robot.fold_count):
-            if found < 0 and has(folds, k):
-                folded(robot, k, 0.0, scratch.start)
-                folded(robot, k, 0.0, scratch.end)
-                if swing_clear(
-                    robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
-                ):
-                    found = k
-        if found < 0:
-            return -1
-        fold, folds = found, only(found)
-    return fold
-
-
-@kernel
-def _on_lines(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Keep the branches of support limbs that are clear while the other swings along a line."""
-    robot = context.robots[0]
-    count = lines_by_travel(step, context, scratch)
-    for path_kind in range(2):
-        if not all_follow(path_kind, step, context, scratch):
-            continue
-        for i in range(robot.limb_count):
-            scratch.clear[i] = scratch.can_follow[path_kind, i]
-        set_step_path(path_kind, step, context, scratch)
-        set_base_motion(scratch.sweep, scratch.path, 0.0, 1.0)
-        is_compared = False
-        for k in range(min(count, TRIES)):
-            line_branches = scratch.order[k]
-            if not line_clear(line_branches, step, context, scratch):
-                continue
-            if not is_compared:
-                # Only the comparison with the swing limb depends on the swing.
-                is_compared = True
-                if not remove_collisions(SWING_INDEPENDENT, step, context, scratch.clear, scratch):
-                    break
-            for i in range(robot.limb_count):
-                scratch.clear_of_swing[i] = scratch.clear[i]
-            if remove_collisions(SWING_LIMB, step, context, scratch.clear_of_swing, scratch):
-                for i in range(robot.limb_count):
-                    scratch.clear[i] = scratch.clear_of_swing[i]
-                step.line_branches = line_branches
-                _keep(path_kind, step, robot, scratch)
+    if not each_alone(WHOLE, step, context, scratch):
+        return
+    if world.first == 0 and not _all_apart(step, context, scratch):
+        return
+    for fold in range(robot.fold_count):
+        if has(before.folds & after.folds, fold):
+            set_fold(fold, step, robot, scratch)
+            if _serves(step, context, scratch):
                 return
+    for k in range(min(lines_by_travel(step, context, scratch), TRIES)):
+        set_swing_line(scratch.order[k], step, scratch)
+        if _serves(step, context, scratch):
+            step.line_branches = scratch.order[k]
+            return
 
 
-@part
-def line_clear(
-    line_branches: int, step: StepRecord, context: StepContext, scratch: StepScratch
-) -> bool:
-    """Return whether the limb can swing along the line of a pair of branches."""
-    robot, world = context.robots[0], context.world
+@kernel
+def _keep(branch_sets: Limbs, step: StepRecord, robot: RobotModel) -> None:
+    """Write the branches that supports keep."""
+    for i in range(robot.limb_count):
+        step.kept[i] = branch_sets[i]
+
+
+@kernel
+def set_fold(fold: int, step: StepRecord, robot: RobotModel, scratch: StepScratch) -> None:
+    """Set the limb that moves to stay in a fold."""
+    moving, lines = step.limb, scratch.line
+    folded(robot, fold, 0.0, lines.line.first[moving])
+    folded(robot, fold, 0.0, lines.line.last[moving])
+    forget(moving, EMPTY, lines)
+
+
+@kernel
+def set_swing_line(line_branches: int, step: StepRecord, scratch: StepScratch) -> None:
+    """Set the limb that moves to go on the line of a pair of branches."""
+    moving, lines = step.limb, scratch.line
     first, last = scratch.q[0, line_branches // BRANCHES], scratch.q[1, line_branches % BRANCHES]
     line_end(first, last, scratch.end)
-    for joint in range(6):
-        scratch.start.q[joint] = first.q[joint]
+    for j in range(6):
+        a, b = first.q[j], scratch.end.q[j]
+        if scratch.back:
+            a, b = b, a
+        lines.line.first[moving].q[j], lines.line.last[moving].q[j] = a, b
+    forget(moving, EMPTY, lines)
+
+
+@kernel
+def swing_clear(
+    before: int, step: StepRecord, robot: RobotModel, world: WorldRecord, lines: LineScratch
+) -> bool:
+    """Return whether the limb that moves is clear of all but other limbs; see `is_clear`."""
     for layer in range(world.first, world.stop):
-        if not swing_clear(
-            robot, world, layer, step.limb, scratch.start, scratch.end, scratch.sweep
-        ):
+        itself = only(step.limb) if layer == 0 else EMPTY
+        compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))
+        if not stays_clear(before, layer, robot, world, lines):
+            return False
+    return True
+
+
+@kernel
+def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Keep what supports keep beside the swing that is set; return whether each keeps a branch."""
+    robot, world, lines = context.robots[0], context.world, scratch.line
+    if not swing_clear(WHOLE, step, robot, world, lines):
+        return False
+    for i in range(robot.limb_count):
+        scratch.clear_of_swing[i] = scratch.clear[i]
+        if i == step.limb or world.first > 0:
+            continue
+        for b in range(BRANCHES):
+            if has_branch(scratch.clear[i], b):
+                choose_branch(i, b, scratch.clear[i], lines)
+                if not are_apart(WHOLE, step.limb, i, robot, world, lines):
+                    scratch.clear_of_swing[i] = without_branch(scratch.clear_of_swing[i], b)
+        if scratch.clear_of_swing[i] == EMPTY:
+            return False
+    _keep(scratch.clear_of_swing, step, robot)
+    return True
+
+
+@kernel
+def are_apart(
+    before: int, i: int, j: int, robot: RobotModel, world: WorldRecord, lines: LineScratch
+) -> bool:
+    """Return whether two limbs stay clear of each other; see `is_clear`."""
+    compare_with(lines, EMPTY, NO, EMPTY, (i, j))
+    return stays_clear(before, 0, robot, world, lines)
+
+
+@kernel
+def _all_apart(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Remove branches until all that supports keep are clear of each other.
+
+    Returned is whether each support keeps one.
+    """
+    robot, clear = context.robots[0], scratch.clear
+    for i in range(robot.limb_count):
+        for j in range(i + 1, robot.limb_count):
+            if i != step.limb and j != step.limb:
+                _keep_apart(i, j, context, scratch)
+                if clear[i] == EMPTY or clear[j] == EMPTY:
+                    return False
+    return True
+
+
+@kernel
+def _keep_apart(i: int, j: int, context: StepContext, scratch: StepScratch) -> None:
+    """Remove branches until all that two support limbs keep are clear of each other.
+
+    A branch of the second limb is removed if it is too close to any branch of the first. If the
+    second would keep none, it keeps its first branch, and those of the first limb that are too
+    close to this one are removed.
+    """
+    robot, world, lines, clear = context.robots[0], context.world, scratch.line, scratch.clear
+    kept = clear[j]
+    for c in range(BRANCHES):
+        for b in range(BRANCHES):
+            if has_branch(kept, c) and has_branch(clear[i], b):
+                choose_branch(i, b, clear[i], lines)
+                choose_branch(j, c, clear[j], lines)
+                if not are_apart(WHOLE, i, j, robot, world, lines):
+                    kept = without_branch(kept, c)
+    if kept:
+        clear[j] = kept
+        return
+    chosen = first_branch(clear[j])
+    clear[j] &= both_flips(chosen)
+    for b in range(BRANCHES):
+        if has_branch(clear[i], b):
+            choose_branch(i, b, clear[i], lines)
+            choose_branch(j, chosen, clear[j], lines)
+            if not are_apart(WHOLE, i, j, robot, world, lines):
+                clear[i] = without_branch(clear[i], b)
+
+
+@entry
+def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
+    """Return whether a limb is clear along a line while the base moves straight and others follow.
+
+    Line, way and branches are set in `rows`, a row of `LineScratch`. The others are compared with
+    this limb alone.
+    """
+    robot, lines = robots[0], rows[0]
+    for i in range(robot.limb_count):
+        forget(i, lines.line.branch[i] if i != moving else EMPTY, lines)
+    for layer in range(world.first, world.stop):
+        itself = only(moving) if layer == 0 else EMPTY
+        compare_with(lines, only(moving), NO, itself, (NONE, NONE))
+        if not stays_clear(WHOLE, layer, robot, world, lines):
+            return False
+    with_limbs = world.first == 0 and world.stop > 0
+    for i in range(robot.limb_count):
+        if with_limbs and i != moving and not are_apart(WHOLE, moving, i, robot, world, lines):
             return False
     return True

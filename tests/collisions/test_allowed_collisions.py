@@ -24,8 +24,9 @@ from mlivr_gym.collisions.allowed_collisions import (
 )
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.distances import CLEAR, SELF
+from mlivr_gym.collisions.joint_lines import LimbPlace
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.collisions.placement import Placed, Shapes
+from mlivr_gym.collisions.placement import Shapes
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.scene import scene_spec
@@ -90,7 +91,7 @@ def compared_by_name(names):
 def compared_by_kernels(robot):
     """Return the pairs that a kernel reports when they, and no other shapes, overlap."""
     shapes = LimbShapes(robot)
-    count, still = len(shapes), Placed.row()
+    count, still = len(shapes), LimbPlace.row()
     lonely = np.empty((count, 2, 3))
     lonely[:] = 10.0 * np.arange(1, count + 1)[:, None, None]
 
@@ -102,7 +103,8 @@ def compared_by_kernels(robot):
     def against_own(ends, row=shapes.robot):
         """A limb against itself, the body and the mounts."""
         limb, here = row["limbs"][0], at(ends)
-        itself, _ = called(compare_limb_with_itself)(limb, here, still, EVERY, 0.0)
+        still["in_body"] = here
+        itself, _ = called(compare_limb_with_itself)(limb, still, EVERY, 0.0)
         return max(itself, called(compare_limb_with_body)(row, limb, here, EVERY, 0.0)[0])
 
     assert against_own(lonely) == CLEAR

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 from coal_ruler import Ruler, grasps_of, sampled
-from limb_motions import ROBOT
 from wrist_arms import iiwa_from_file
 
-from mlivr_gym import stance_graph
+from mlivr_gym import robot_spec, stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.state import State
 
-CLEARANCE = 0.02
+CLEARANCE, ROBOT = 0.02, robot_spec("mlivr2")
 
 
 @pytest.mark.parametrize(("robot", "plans"), [("mlivr2", 5), ("mlivr3", 12), ("two iiwa", 3)])

@@ -12,13 +12,13 @@ from wrist_arms import LIMBS, OTHERS
 from mlivr_gym import robot_spec
 from mlivr_gym.collisions.joint_lines import (
     LimbPlace,
-    jacobian_determinant,
     place_base,
     place_limb,
     travel,
 )
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.compiled.bit_sets import EVERY
+from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.link_frames import link_frames, rigid
 
@@ -31,11 +31,11 @@ ARMS = {"ur5e": ROBOT.every_limb[0], "iiwa": LIMBS["iiwa"], "franka": LIMBS["fra
 
 def with_arm(name):
     """The record of a limb of the robot with another arm, and that arm."""
-    from mlivr_gym.kinematics.lengths import set_arm
+    from mlivr_gym.kinematics.chain_record import set_chain
 
     arm, rows = ARMS[name], SHAPES.rows.copy()
     limb = rows[0]["limbs"][1]
-    set_arm(limb["arm"], arm.lengths, arm.windows, arm.family_code)
+    set_chain(limb["arm"], arm.steps, arm.senses, arm.windows)
     return limb, arm
 
 
@@ -70,11 +70,13 @@ def test_axes_flange_and_base_are_those_of_forward_kinematics(name):
             ahead, behind = (mount @ link_frames(arm, q + d)[6] for d in (h, -h))
             turn = Rotation.from_matrix(ahead[:3, :3] @ behind[:3, :3].T).as_rotvec() / 2e-6
             move = (ahead[:3, 3] - behind[:3, 3]) / 2e-6
-            np.testing.assert_allclose(placed["axis"][j], turn, atol=1e-8)
-            radius = np.cross(placed["axis"][j], flange[:3, 3] - placed["point"][j])
+            np.testing.assert_allclose(placed["joints"]["axis"][j], turn, atol=1e-8)
+            radius = np.cross(
+                placed["joints"]["axis"][j], flange[:3, 3] - placed["joints"]["point"][j]
+            )
             np.testing.assert_allclose(radius, move, atol=1e-8)
             columns.append([*move, *turn])
-        ours = called(jacobian_determinant)(placed, np.zeros((6, 6)))
+        ours = called(invert_jacobian)(placed["joints"], Following.row())
         np.testing.assert_allclose(ours, abs(np.linalg.det(columns)), atol=1e-7)
 
 
@@ -143,8 +145,10 @@ def test_one_joint_moves_a_point_on_its_circle():
     for c, link in enumerate(SHAPES.each[1].links.tolist()):
         for e in range(2):
             p = ends_in_body(q)[c, e]
-            radius = np.linalg.norm(np.cross(placed["axis"][1], p - placed["point"][1]))
+            radius = np.linalg.norm(
+                np.cross(placed["joints"]["axis"][1], p - placed["joints"]["point"][1])
+            )
             bound = placed["in_body"]["motion"][c, e]
             assert bound == pytest.approx(0.01 * radius if link > 1 else 0.0, abs=1e-15)
-    on_axis = tuple(placed["point"][1] + 0.7 * placed["axis"][1])
+    on_axis = tuple(placed["joints"]["point"][1] + 0.7 * placed["joints"]["axis"][1])
     assert called(travel)(placed, 0, 6, on_axis) == pytest.approx(0.0, abs=1e-15)

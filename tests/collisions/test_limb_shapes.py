@@ -46,12 +46,12 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
     robot, rng = robot_spec("mlivr3"), np.random.default_rng(0)
     shapes = LimbShapes(robot)
     mounts, radius = shapes.mounts["ends"], shapes.mounts["radius"]
-    half, origin, still = shapes.robot["half"], pose(np.zeros(3), np.eye(3)), (0.0, 0.0)
+    half, origin = shapes.robot["half"], pose(np.zeros(3), np.eye(3))
 
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
         grid, nothing = box_grid((speck,)), GraspSurface.row()
-        return called(compare_base_with_boxes)(shapes.robot, origin, still, grid, 0.0, nothing)
+        return called(compare_base_with_boxes)(shapes.robot, origin, grid, 0.0, nothing)
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
     inside = [*corners, *rng.uniform(-half, half, (200, 3))]

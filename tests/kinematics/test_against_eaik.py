@@ -12,7 +12,7 @@ from branches import arm_of, solutions
 from eaik.IK_HP import HPRobot
 from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
-from mlivr_gym import Limb, SsrmsLimb
+from mlivr_gym import Limb, robot_spec
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
 from mlivr_gym.robot.link_frames import link_frames
 
@@ -60,7 +60,7 @@ def test_eaik_finds_the_same_solutions_of_arms_with_parallel_axes(limb):
 
 @pytest.mark.parametrize("held", [0.0, 0.7, -2.0])
 def test_eaik_finds_the_same_solutions_of_the_published_station_arm_with_joint_1_held(held):
-    limb = replace(SsrmsLimb(), held_angle=held)
+    limb = replace(robot_spec("ssrms2").limb, held_angle=held)
     robot, _ = eaik_arm(station_arm.MODEL, "end", [(0, held)])
     axes, origin = limb.base_in_mount
     mount = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])

@@ -13,9 +13,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from oracle import volume
 
-from mlivr_gym.kinematics import families
-from mlivr_gym.kinematics.arm import JointAxes
-from mlivr_gym.kinematics.families import branch_frames, branch_terms, joint_axes
+from mlivr_gym.kinematics import chain
+from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
 from mlivr_gym.kinematics.manipulability import limb_manipulability
 from mlivr_gym.robot.link_frames import link_frames
 
@@ -112,26 +111,25 @@ def test_no_flange_is_farther_than_the_reach_and_none_there_has_a_solution(name)
 @given(angles)
 @MANY
 @example(np.array([0.3, -1.1, 1.4, 0.2, 0.0, -2.0]))
-def test_terms_and_axes_give_the_jacobian_without_joint_angles(name, q):
+def test_sizes_and_frames_give_the_jacobian_without_joint_angles(name, q):
     """The determinant factorises, and is a lower bound of that of all seven joints."""
     arm, pose = arm_of(ARMS[name]), link_frames(ARMS[name], q)[6]
     slack, close = ((0.0,), 1e-4) if name == "station" else ((), 1e-5)
     mask, out = solutions(name, pose, *slack)
-    terms, axes = np.empty((4, 4)), JointAxes.row()
-    called(branch_terms)(arm, flange_axis(pose), terms)
+    sizes, frames = np.empty(4), np.empty((7, 4, 3))
+    called(branch_sizes)(arm, flange_axis(pose), sizes)
     for branch in range(8):
         if not mask >> branch & 1:
             continue
         _, columns, every = truth(ARMS[name], out[branch])
         determinant = volume(columns)
-        predicted = arm["links"] * np.sqrt(max(terms[branch >> 1, 3], 0.0))
-        assert predicted == pytest.approx(determinant, rel=1e-7, abs=close)
+        assert sizes[branch >> 1] == pytest.approx(determinant, rel=1e-7, abs=close)
         six, seven = (limb_manipulability(some, 0.87) ** 2 for some in (columns, every))
         assert six <= seven + 1e-12
         if determinant > regular(name):
-            assert called(joint_axes)(arm, flange_axis(pose), branch, axes)
-            moments = np.cross(axes["axis"], pose[:3, 3] - axes["point"])
-            built = np.vstack([moments.T, axes["axis"].T])
+            assert called(branch_frames)(arm, flange_axis(pose), branch, frames)
+            moments = np.cross(frames[1:, 3], pose[:3, 3] - frames[1:, 0])
+            built = np.vstack([moments.T, frames[1:, 3].T])
             np.testing.assert_allclose(built, columns, atol=1e-9)
 
 
@@ -158,8 +156,8 @@ def test_without_slack_singular_postures_alone_are_missing(name, q):
 def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles(name, q):
     """The axes of link 6 across that of the flange do not matter."""
     limb, arm, form = ARMS[name], arm_of(ARMS[name]), link_frames(ARMS[name], q)
-    found, built, axes = np.empty((7, 4, 3)), np.empty((7, 4, 3)), JointAxes.row()
-    called(families.link_frames)(arm, q, found)
+    found, built = np.empty((7, 4, 3)), np.empty((7, 4, 3))
+    called(chain.link_frames)(arm, q, found)
     np.testing.assert_allclose(found[:, 0], form[:, :3, 3], atol=1e-12)
     np.testing.assert_allclose(found[6, 3], form[6, :3, 2], atol=1e-12)
     np.testing.assert_allclose(found[:6, 1:], form[:6, :3, :3].transpose(0, 2, 1), atol=1e-12)
@@ -170,8 +168,8 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
     for branch in range(8):
         if not mask >> branch & 1 or volume(jacobian(limb, out[branch])) < regular(name):
             continue
-        called(families.link_frames)(arm, out[branch], found)
-        assert called(branch_frames)(arm, flange_axis(form[6]), branch, axes, built)
+        called(chain.link_frames)(arm, out[branch], found)
+        assert called(branch_frames)(arm, flange_axis(form[6]), branch, built)
         np.testing.assert_allclose(built[:6], found[:6], atol=1e-7)
         np.testing.assert_allclose(built[6, [0, 3]], found[6, [0, 3]], atol=1e-9)
         np.testing.assert_allclose(built[6, 1:] @ built[6, 1:].T, np.eye(3), atol=1e-9)
@@ -183,7 +181,7 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
 def test_links_of_the_station_arm_are_the_published_bodies(locked, q):
     """Those of link 6 across the flange axis do not matter."""
     published, found = station_arm.links(locked, q), np.empty((7, 4, 3))
-    called(families.link_frames)(arm_of(station_arm.LIMB), q, found)
+    called(chain.link_frames)(arm_of(station_arm.LIMB), q, found)
     expected = published[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
     np.testing.assert_allclose(found[:6], expected[:6], atol=1e-12)
     np.testing.assert_allclose(found[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)

@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.base_path import ARC, base_path, base_poses
-from mlivr_gym.kinematics.holding import joints_along
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
+from mlivr_gym.kinematics.base_path import base_path, base_poses
+from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.robot.link_frames import link_frames
 
@@ -62,21 +61,21 @@ def test_angles_along_a_path_reach_the_flange_and_go_on_from_the_reference(turns
     first = (np.zeros(3), np.eye(3))
     place, axes = flange_in_world(first, spec, 1, start)
     last = (np.array([0.05, -0.1, 0.08]), Rotation.from_rotvec([0.1, 0.2, -0.1]).as_matrix())
-    path = base_path(pose(*first), pose(*last), ARC, place)
+    path = base_path(pose(*first), pose(*last))
     positions, rotations = base_poses(path, np.linspace(0.0, 1.0, 25))
     mask, branches = solutions(mounted()["arm"], *_split(link_frames(LIMB, start)))
     there = [b for b in range(8) if mask >> b & 1]
     branch = min(there, key=lambda b: np.abs(np.exp(1j * branches[b]) - np.exp(1j * start)).max())
-    reference, out = Angles.row(), Angles.rows(25)
-    reference["q"] = start + 2.0 * np.pi * turns
-    reference["q"][5] += np.pi * flip
+    reference = start + 2.0 * np.pi * turns
+    reference[5] += np.pi * flip
     bases, flanges = poses(positions, rotations), poses(place[None], axes[None])
-    assert joints_along(ROBOT.rows, 1, bases, flanges, branch, reference, out) == 25
-    np.testing.assert_allclose(out["q"][0], reference["q"], atol=1e-9)
-    assert np.abs(np.diff(out["q"], axis=0)).max() < 0.1
+    joints = joints_along(ROBOT.rows, 1, bases, flanges, branch, reference)
+    assert joints.shape == (25, 6)
+    np.testing.assert_allclose(joints[0], reference, atol=1e-9)
+    assert np.abs(np.diff(joints, axis=0)).max() < 0.1
     half_turn = np.diag([(-1.0) ** flip, (-1.0) ** flip, 1.0])
     for k in range(25):
-        found = flange_in_world((positions[k], rotations[k]), spec, 1, out["q"][k])
+        found = flange_in_world((positions[k], rotations[k]), spec, 1, joints[k])
         np.testing.assert_allclose(found[0], place, atol=1e-9)
         np.testing.assert_allclose(found[1], axes @ half_turn, atol=1e-9)
 
@@ -87,27 +86,25 @@ def test_a_joint_goes_on_where_the_flange_makes_whole_turns():
     first, turns = (np.zeros(3), np.eye(3)), np.linspace(0.0, 6.0 * np.pi, 61)
     place, axes = flange_in_world(first, spec, 0, start)
     about = Rotation.from_rotvec(turns[:, None] * [0.0, 0.0, 1.0]).as_matrix()
-    flanges, reference = poses(np.tile(place, (61, 1)), axes @ about), Angles.row()
-    reference["q"] = start
-    branches, out = Angles.rows(8), Angles.rows(61)
+    flanges, branches = poses(np.tile(place, (61, 1)), axes @ about), Angles.rows(8)
     all_angles_at(ROBOT.rows, 0, pose(*first), flanges[0], branches)
     off = np.abs(np.exp(1j * branches["q"]) - np.exp(1j * start)).max(axis=1)
     branch = int(np.nanargmin(off))
     bases = poses(first[0][None], first[1][None])
-    assert joints_along(ROBOT.rows, 0, bases, flanges, branch, reference, out) == 61
-    np.testing.assert_allclose(out["q"], start + turns[:, None] * np.eye(6)[5], atol=1e-9)
+    joints = joints_along(ROBOT.rows, 0, bases, flanges, branch, start)
+    np.testing.assert_allclose(joints, start + turns[:, None] * np.eye(6)[5], atol=1e-9)
 
 
 def test_poses_out_of_reach_are_counted_out():
     far = poses(np.array([[0.0, 0, 0], [9.0, 0, 0]]), np.array([np.eye(3)] * 2))
     spec, start = robot_spec("mlivr2"), np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0])
     place, axes = flange_in_world((np.zeros(3), np.eye(3)), spec, 0, start)
-    reference, out, all_out = Angles.row(), Angles.rows(2), Angles.rows(8)
-    reference["q"] = start
+    all_out = Angles.rows(8)
     flanges = poses(place[None], axes[None])
     all_angles_at(ROBOT.rows, 0, far[0], flanges[0], all_out)
     branch = int(np.nanargmin(np.abs(np.exp(1j * all_out["q"]) - np.exp(1j * start)).max(axis=1)))
-    assert joints_along(ROBOT.rows, 0, far, flanges, branch, reference, out) == 1
+    joints = joints_along(ROBOT.rows, 0, far, flanges, branch, start)
+    assert joints.shape == (1, 6)
 
 
 def _split(frames):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from mlivr_gym import jem_map, robot_spec, stance_graph
-from mlivr_gym.motion.base_paths import path_of, support_joints
-from mlivr_gym.motion.commitment import committed_motion, edges_along
+from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, PathSegment, control_places
 from mlivr_gym.motion.step_ends import StepEnds
+from mlivr_gym.motion.straight_base import path_of, support_joints
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.stances.random_states import random_state
 
@@ -140,12 +140,11 @@ def test_lines_and_splines_stay_close_to_what_was_checked(steps):
         gap = judge.grippers(path, lines) - judge.grippers(path, splines)
         away.append(np.linalg.norm(gap[:, :, 0], axis=-1).max())
         ends = StepEnds.of(graph, motion, number)
-        edge = edges_along(graph, motion)[number]
         s = np.linspace(0.0, 1.0, 4001)
         if graph.limbs == 2:
             exact = ends.joints[0] + s[:, None, None] * (ends.joints[1] - ends.joints[0])
         else:
-            exact = support_joints(graph, ends, path_of(graph, ends, edge.path_kind), s)
+            exact = support_joints(graph, ends, path_of(ends), s)
         for joints in (path.knots, splines):  # somewhere on the base path there is such a posture
             for q in joints[::7, path.leader]:
                 near = np.abs(exact[:, path.leader] - q).max(axis=1)

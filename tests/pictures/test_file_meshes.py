@@ -8,7 +8,6 @@ from robot_texts import IIWA14, one_arm
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.pictures.limb_meshes import limb_meshes, show_limbs
-from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.scene import compile_spec, robot_alone
 
 SEEN = """<visual><origin xyz="0.02 -0.01 0.03" rpy="0.3 -0.2 1.1"/><geometry>
@@ -67,13 +66,13 @@ def test_meshes_are_where_the_file_has_them(folder, held):
     """Seen from the flange, whatever joint is held, at drawn joint angles."""
     path = written(folder)
     options = {"held_joint": f"joint{held[0]}", "held_angle": held[1], "capsules": "ur5e"}
-    file, robot = read_robot(path, **options), RobotSpec.from_urdf(path, **options)
+    robot = RobotSpec.from_urdf(path, **options)
     spec = robot_alone(robot)
     show_limbs(spec, robot)
     model = compile_spec(spec)
     data, angles = mujoco.MjData(model), np.random.default_rng(0).uniform(-2.0, 2.0, 6)
     data.qpos[3] = 1.0
-    data.qpos[7:13] = file.from_file_angles(angles)[0]
+    data.qpos[7:13] = angles
     mujoco.mj_kinematics(model, data)
     flange, found = data.site("limb0/flange"), []
     for geom in range(model.ngeom):

@@ -11,10 +11,9 @@ from scipy.sparse.csgraph import dijkstra
 from small_tables import COSTS, every_pair, goal_at, small_table
 
 from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
-from mlivr_gym.planners import backward_search, bucket_queue, label_search
+from mlivr_gym.planners import backward_search, label_search
 from mlivr_gym.planners import labels as labels_module
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
-from mlivr_gym.planners.bucket_queue import push
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.clock import Clock
 from mlivr_gym.planners.costs import cost_weights
@@ -27,6 +26,7 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
+from mlivr_gym.planners.open_queue import push
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
@@ -113,8 +113,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
     """With some steps known to keep less than their nodes share, or nothing.
 
     With odd seeds branch sets are random, so that nodes are come to on many, and so is what steps
-    lose. Lists of the queue span much, so that the first path taken is not always the cheapest."""
-    monkeypatch.setattr(bucket_queue, "BUCKET_WIDTH", 0.5)
+    lose."""
     monkeypatch.setattr(label_search, "CLOCK_INTERVAL", 7)
     graph, table = known
     rng, limbs, count = np.random.default_rng(seed), table.limbs, len(table.points)
@@ -228,7 +227,7 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
     how["labels_per_node"] = most
     for _ in range(60):
         labels.last_of_node[0], plain = NO_LABEL, []
-        labels.queue.reset(0.0, 1.0)
+        labels.queue.reset()
         for item in range(4):
             branch_sets, cost = np.uint64(rng.integers(1, 8)), float(rng.integers(3))
             union = np.bitwise_or.reduce([m for m, c in plain if c <= cost] or [np.uint64(0)])

@@ -8,6 +8,7 @@ import pytest
 from paper import NO_COLLISIONS
 from random_steps import neighbouring_points
 from unequal_robots import unequal
+from wrist_arms import Lengths
 
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
@@ -94,7 +95,7 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
 def first_joint_held(limbs, settings):
     """A robot of iiwas with an offset along axis 2 whose first joint is held."""
     robot = robot_spec("mlivr2-iiwa")
-    limb = replace(robot.limb, held_joint=1, held_angle=0.4, d2=0.15)
+    limb = Lengths(d2=0.15).limb(robot.limb.joint_limits, 1, 0.4)
     robot = replace(
         robot, limbs=limbs, limb=limb, folds=limb.default_folds, capsules=None, apart=()
     )

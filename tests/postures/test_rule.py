@@ -14,9 +14,10 @@ from stance_axes import axes_of
 
 from mlivr_gym import Settings, State, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.collisions.followers import followed_branches, set_follower
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import RobotError, StanceError
-from mlivr_gym.kinematics.base_path import BasePath, lift_path
-from mlivr_gym.kinematics.holding import Holding, held_branches
+from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
@@ -180,12 +181,13 @@ def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
 def departing(graph, s, i, branches):
     """Return the branches and flips on which a limb can depart from its point along a path."""
     grasp, limits = graph.solver.grasps[graph.points[s, i]], graph.solver.thresholds[0]
-    path, l_c = BasePath.row(), graph.robot.characteristic_length
     base = pose_row(graph.base_position[s], graph.base_rotation[s])
-    called(lift_path)(path, base, grasp, graph.robot.lift)
-    limb, branch_sets = graph.solver.shapes.robot["limbs"][i], sum(0x101 << b for b in branches)
-    floor = float(limits["floor"]) * l_c**3
-    return called(held_branches)(limb, grasp["flange"], path, floor, branch_sets, Holding.row())
+    lines, robot = LineScratch.row(), graph.solver.shapes.robot
+    called(lift_path)(lines["line"]["path"], base, grasp, graph.robot.lift)
+    lines["floor"] = float(limits["floor"]) * graph.robot.characteristic_length**3
+    called(set_follower)(i, grasp["flange"], lines)
+    branch_set = sum(0x101 << b for b in branches)
+    return called(followed_branches)(i, branch_set, robot, graph.solver.boxes, lines)
 
 
 def branch_sets_by_definition(graph, s):

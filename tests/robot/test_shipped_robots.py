@@ -43,7 +43,7 @@ IIWA = (
 and mass, centre and inertia of its link, as Drake's `iiwa14_no_collision.urdf` has them."""
 
 OTHER_SENSE = np.array([1, -1, 1, 1, -1, 1])
-"""Joints 2 and 6 of the iiwa turn in the other sense than those of a `SphericalWristLimb`."""
+"""Joints 2 and 6 of the iiwa turn in the other sense than those of the robot that ships."""
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -60,7 +60,7 @@ UNKNOWN = Limb(d1=0.1807, a2=-0.6127, a3=-0.5, d4=0.17415, d5=0.11985, d6=0.1165
 
 def test_another_arm_is_not_simulated_with_masses_of_the_ur5e(small_map, checked_graph, plan):
     robot = replace(plan.world.robot, name="own", limb=UNKNOWN)
-    told = r"'own' cannot be simulated: .*lengths 0\.1807, .*none of ur3e, ur5e, ur10e.*`dynamics`"
+    told = r"'own' cannot be simulated: .*none of ur3e, ur5e, ur10e.*`dynamics`"
     refused = pytest.raises(RobotError, match=told)
     with refused:
         execute(checked_graph, replace(plan, world=replace(plan.world, robot=robot)))

@@ -4,11 +4,10 @@ from functools import cache
 
 import numpy as np
 from compiled import called
-from scipy.spatial.transform import Rotation
 
-from mlivr_gym.kinematics.arm import Arm, FlangeAxis
-from mlivr_gym.kinematics.families import SINGULAR_TOO, branch_angles
-from mlivr_gym.kinematics.lengths import set_arm
+from mlivr_gym.kinematics.chain import Chain, FlangeAxis
+from mlivr_gym.kinematics.chain_record import set_chain
+from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles
 
 
 def triple(vector):
@@ -24,8 +23,8 @@ def flange_axis(pose):
 @cache
 def arm_of(limb):
     """The arm of a limb as compiled code reads it; all who ask for it share it."""
-    out = Arm.row()
-    set_arm(out, limb.lengths, limb.windows, limb.family_code)
+    out = Chain.row()
+    set_chain(out, limb.steps, limb.senses, limb.windows)
     return out
 
 
@@ -45,15 +44,3 @@ def solutions(arm, p, r, slack=SINGULAR_TOO):
         if q is not None:
             mask, out[branch] = mask | 1 << branch, q
     return mask, out
-
-
-def flanges_nearby(limb, frame, change, rng, count=40):
-    """Flange poses whose wrist and axis are as far from those of a frame as told [m, rad]."""
-    far, angle = change
-    place, axes = frame[:3, 3], frame[:3, :3]
-    aside, about = rng.normal(size=(2, count, 3))
-    about = np.cross(axes[:, 2], about)
-    aside, about = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (aside, about))
-    turned = Rotation.from_rotvec(angle * about).as_matrix() @ axes
-    wrists = place - limb.d6 * axes[:, 2] + far * aside
-    return zip(wrists + limb.d6 * turned[:, :, 2], turned, strict=True)

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.collisions import limb_shapes
-from mlivr_gym.kinematics.base_path import STRAIGHT, base_path
+from mlivr_gym.kinematics.base_path import base_path
 from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")
@@ -55,6 +55,6 @@ def random_ends(seed):
     return ends
 
 
-def path_between(ends, kind=STRAIGHT, pivot=(0.0, 0.0, 0.0)):
+def path_between(ends):
     """The base path between two ends."""
-    return base_path(pose(*ends[:2]), pose(*ends[2:]), kind, np.array(pivot))
+    return base_path(pose(*ends[:2]), pose(*ends[2:]))

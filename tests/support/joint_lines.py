@@ -3,8 +3,8 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.collisions.intervals import LineScratch
 from mlivr_gym.collisions.joint_lines import RESTING
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
 
 

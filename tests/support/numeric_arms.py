@@ -4,8 +4,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.robot.chain_limb import ChainLimb
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.numeric_limb import NumericLimb
 
 RIGHT = 0.5 * np.pi
 TURN = ((-np.pi, np.pi),) * 6
@@ -52,7 +52,7 @@ def limb_of(table, limits=TURN):
     origins = tuple(tuple((step[:3, 3] + 0.0).tolist()) for step in steps)
     turns = (Rotation.from_matrix(step[:3, :3]) for step in steps)
     quaternions = tuple(tuple(turn.as_quat(scalar_first=True).tolist()) for turn in turns)
-    return NumericLimb(origins, quaternions, limits)
+    return ChainLimb(origins, quaternions, limits)
 
 
 def frames_of(name):

@@ -11,12 +11,10 @@ import networkx as nx
 import numpy as np
 from compiled import called
 from joint_lines import line_scratch
-from limb_motions import motion, round_corner, swinging
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import check_line
-from mlivr_gym.collisions.sweep import sweep
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.transitions.departures import Departure, departure_of
@@ -68,22 +66,6 @@ class PlainChecks:
         self.robot, self.limits = self.checks.robots[0], graph.solver.thresholds[0]
         folds = self.robot["folds"][: len(self.spec.folds)]
         self.folds = [np.array([*fold, 0.0]) for fold in folds]
-
-    def clear(self, path, first, second, compared, places=(0.0, 1.0), corner=None):
-        """Whether a limb keeps clear while the base follows a path.
-
-        A corner that is rounded is base parameter and joint angles, shape (7,).
-        """
-        scratch = motion(path, places, first, second, compared)
-        if corner is not None:
-            round_corner(scratch, corner[0], corner[1:], corner[1:])
-        boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
-        return called(sweep)(self.robot, boxes, clearance, scratch) == CLEAR
-
-    def swing_clear(self, path, limb, start, end):
-        """Whether a limb can swing along a line, limbs that hold aside."""
-        swing = swinging(limb, start, end)
-        return self.clear(path, swing, swing, ("boxes", "body"))
 
     def line_clear(self, base, limb, line, resting, grasp=None):
         """Whether a limb can move along a line (2, 6) while the base and other limbs are at rest.

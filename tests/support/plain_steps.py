@@ -1,14 +1,23 @@
-"""The checks of steps, written to be read: sets, lists and loops, over those of `plain_checks`."""
+"""The check of a step of three limbs and more, written to be read: sets, lists and loops.
 
-from functools import cmp_to_key
+Whether one motion is clear is asked of `intervals.check_line`, and a place of it of
+`intervals.check_middles`, which are compared elsewhere; which motions there are, and which branches
+an edge keeps, is said here over what `plain_checks` says of releases.
+"""
+
+from functools import cmp_to_key, partial
 from typing import NamedTuple
 
 from compiled import called
-from limb_motions import holding, swinging
-from plain_checks import branch_set_of, branches, line_end, members, on
+from plain_checks import branches, line_end, members, on
 
-from mlivr_gym.kinematics.base_path import ARC, STRAIGHT, base_path
-from mlivr_gym.kinematics.holding import Holding, held_branches
+from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.followers import choose_branch, set_follower
+from mlivr_gym.collisions.intervals import check_line, check_middles
+from mlivr_gym.collisions.places import LineScratch
+from mlivr_gym.kinematics.base_path import set_path
+from mlivr_gym.transitions.relaxed_steps import MIDDLES
+from mlivr_gym.transitions.steps import KEPT_CLEAR
 from mlivr_gym.transitions.swing_lines import TIE, TRIES
 
 
@@ -16,12 +25,10 @@ class Edge(NamedTuple):
     """What `Step` says once it is checked."""
 
     kept: dict
-    path_kind: int
-    fold: int
     line_branches: int
 
 
-NO_EDGE = Edge({}, STRAIGHT, -1, -1)
+NO_EDGE = Edge({}, -1)
 
 
 class PlainStep:
@@ -32,32 +39,120 @@ class PlainStep:
         limb: Limb that moves.
         before: Stance before the step.
         after: Stance after it.
-        pivot: Centre of an arc [m].
         wanted: Pairs that each limb may be on.
         given: Whether the limbs are on these.
     """
 
-    def __init__(self, plain, limb, before, after, pivot, wanted, given):
-        self.plain, self.limb, self.given = plain, limb, given
+    def __init__(self, plain, limb, before, after, wanted, given):
+        self.plain, self.limb = plain, limb
         self.before, self.after = before, after
         self.held = [i for i in range(plain.spec.limbs) if i != limb]
-        base = plain.stances.base
-        self.paths = [base_path(base[before], base[after], k, pivot) for k in (STRAIGHT, ARC)]
-        self.on_path = [{i: self.can_hold(i, path, wanted[i]) for i in self.held}
-                        for path in self.paths]  # fmt: skip
-        self.edge = NO_EDGE
+        bases = plain.stances.base
+        here, there = (tuple(bases[s]["position"].round(6)) for s in (before, after))
+        self.back = there < here
+        self.ends = [bases[s].copy() for s in ((after, before) if self.back else (before, after))]
+        self.wanted = {
+            i: wanted[i] if given else wanted[i] & members(plain.stances.branch_sets[after, i])
+            for i in self.held
+        }
 
-    def can_hold(self, i, path, wanted):
-        """Pairs on which a limb can follow a path."""
-        plain = self.plain
-        if not self.given:
-            wanted = wanted & members(plain.stances.branch_sets[self.after, i])
-        floor = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
-        flange, scratch = plain.grasp(self.after, i)["flange"], Holding.row()
-        limb = plain.robot["limbs"][i]
-        return members(
-            called(held_branches)(limb, flange, path, floor, branch_set_of(wanted), scratch)
-        )
+    def moved(self, standing=None, swing=None, whole=True, **compared):
+        """Flips with which a limb follows clear of what is compared, of all given ones a set.
+
+        Args:
+            standing: Limbs that hold, each with its branch and the set of its flips.
+            swing: Joint angles of the limb that moves at the start and at the end, (2, 6).
+            whole: Whether it is asked of the whole motion, or of its first middles.
+            compared: Fields of `Compared`.
+        """
+        plain, scratch = self.plain, LineScratch.row()
+        line, standing = scratch["line"], standing or {}
+        called(set_path)(line["path"], *self.ends)
+        scratch["floor"] = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
+        line["leader"] = -2
+        for i in self.held:
+            called(set_follower)(i, plain.grasp(self.after, i)["flange"], scratch)
+        for i, (branch, flips) in standing.items():
+            called(choose_branch)(i, branch, sum(1 << branch + 8 * f for f in flips), scratch)
+        if swing is not None:
+            for name, q in zip(("last", "first") if self.back else ("first", "last"), swing,
+                               strict=True):  # fmt: skip
+                line[name]["q"][self.limb] = q
+        pair = compared.pop("pair", (-1, -1))
+        scratch["compared"]["first"], scratch["compared"]["second"] = pair
+        scratch["compared"]["holding"] = line["follows"]
+        for name, value in compared.items():
+            scratch["compared"][name] = value
+        clearance = float(plain.limits["clearance"]) + KEPT_CLEAR
+        arguments = plain.robot, plain.checks.solver.boxes, clearance
+        if whole:
+            clear = called(check_line)(*arguments, scratch) == CLEAR
+        else:
+            clear = called(check_middles)(*arguments, MIDDLES, scratch) == CLEAR
+        if not clear:
+            return None
+        return {i: {f for f in (0, 1) if int(line["flips"][i]) >> f & 1} for i in standing}
+
+    def alone(self, collisions=True):
+        """Pairs on which each limb follows, clear of all but other limbs; None without the base."""
+        if collisions and self.moved(base=True) is None:
+            return None
+        found = {}
+        for i in self.held:
+            found[i] = set()
+            compared = {"boxes": 1 << i, "itself": 1 << i} if collisions else {"placed": 1 << i}
+            for branch in branches(self.wanted[i]):
+                flips = {f for b, f in self.wanted[i] if b == branch}
+                kept = self.moved({i: (branch, flips)}, **compared)
+                found[i] |= {(branch, f) for f in (kept or {i: ()})[i]}
+        return found if all(found.values()) else None
+
+    def apart(self, standing, i, b, j, c, whole=True):
+        """Whether two supports stay clear of each other on two branches."""
+        both = {
+            k: (branch, {f for other, f in standing[k] if other == branch})
+            for k, branch in ((i, b), (j, c))
+        }
+        return self.moved(both, whole=whole, pair=(i, j)) is not None
+
+    def beside(self, standing, swing, whole=True):
+        """Those of some pairs that are clear of a swing; None if it meets more, or all of one."""
+        moving = self.limb
+        if self.moved(swing=swing, whole=whole, boxes=1 << moving, itself=1 << moving) is None:
+            return None
+        found = {}
+        for i in self.held:
+            free = set()
+            for branch in branches(standing[i]):
+                flips = {f for b, f in standing[i] if b == branch}
+                clear = self.moved({i: (branch, flips)}, swing, whole, pair=(moving, i))
+                free |= set() if clear is None else {branch}
+            found[i] = on(standing[i], free)
+        return found if all(found.values()) else None
+
+    def both_apart(self, standing, i, j):
+        """Leave two limbs pairs all of which are clear of each other.
+
+        The second gives up those that meet any of the first's. If it then had none it keeps its
+        first branch, and the first gives up those that meet that.
+        """
+        meets = {
+            (b, c)
+            for b in branches(standing[i])
+            for c in branches(standing[j])
+            if not self.apart(standing, i, b, j, c)
+        }
+        rest = set(branches(standing[j])) - {c for _, c in meets}
+        if rest:
+            standing[j] = on(standing[j], rest)
+            return
+        chosen = branches(standing[j])[0]
+        standing[j] = on(standing[j], {chosen})
+        standing[i] = {(b, flip) for b, flip in standing[i] if (b, chosen) not in meets}
+
+    def pairs_of_limbs(self):
+        """Pairs of limbs that hold."""
+        return [(i, j) for i in self.held for j in self.held if i < j]
 
     def check(self, released=None):
         """The edge, `NO_EDGE` if the step fails.
@@ -66,161 +161,58 @@ class PlainStep:
             released: What `PlainChecks.release` says of each limb at both stances; None if
                 collisions are not looked at.
         """
-        able = [kind for kind in (STRAIGHT, ARC) if all(self.on_path[kind].values())]
-        if not able:
-            return self.edge
         if released is None:
-            return self.folded([None])
+            standing = self.alone(collisions=False)
+            return NO_EDGE if standing is None else Edge(standing, -1)
         first, last = (released[s][self.limb] for s in (self.before, self.after))
-        if not first.pairs or not last.pairs:
-            return self.edge
-        self.folded(sorted(first.folds & last.folds))
-        if not self.edge.kept:
-            self.on_lines(first, last)
-        return self.edge
+        standing = self.alone() if first.pairs and last.pairs else None
+        if standing is None:
+            return NO_EDGE
+        for i, j in self.pairs_of_limbs():
+            self.both_apart(standing, i, j)
+            if not standing[i] or not standing[j]:
+                return NO_EDGE
+        for pair, swing in self.swings(first, last):
+            kept = self.beside(standing, swing)
+            if kept:
+                return Edge(kept, pair)
+        return NO_EDGE
 
-    def folded(self, folds):
-        """Keep what can hold while the other limb stays folded, in the first fold that can."""
-        for kind, path in enumerate(self.paths):
-            standing = dict(self.on_path[kind])
-            if not all(standing.values()):
-                continue
-            for fold in folds:
-                if fold is None:
-                    self.keep(kind, standing, -1, -1)
-                    break
-                q = self.plain.folds[fold]
-                if self.plain.swing_clear(path, self.limb, q, q):
-                    apart = self.apart(path, standing, (q, q), still=True, swing=True)
-                    if apart:
-                        self.keep(kind, apart, fold, -1)
-                    break
-            if self.edge.kept:
-                break
-        return self.edge
-
-    def keep(self, kind, standing, fold, pair):
-        """Let the edge be what is kept on a kind of path."""
-        self.edge = Edge(dict(standing), kind, fold, pair)
-
-    def lines(self, first, last):
-        """The lines that are tried, see `swing_lines`."""
-        return swing_lines(self.plain, self.limb, (self.before, self.after), first, last)
-
-    def on_lines(self, first, last):
-        """Keep what can hold while the other limb swings along the shortest line that is free."""
-        plain, limb = self.plain, self.limb
-        for kind, path in enumerate(self.paths):
-            standing = dict(self.on_path[kind])
-            if not all(standing.values()):
-                continue
-            for b0, b1, *line in self.lines(first, last):
-                if not plain.swing_clear(path, limb, *line):
-                    continue
-                still = self.apart(path, standing, line, still=True, swing=False)
-                if not still:
-                    break
-                apart = self.apart(path, still, line, still=False, swing=True)
-                if apart:
-                    self.keep(kind, apart, -1, 8 * b0 + b1)
-                    return
+    def swings(self, first, last):
+        """Branches of a line, -1 for a fold, and joint angles at both ends, in order."""
+        folds = [(-1, [self.plain.folds[k]] * 2) for k in sorted(first.folds & last.folds)]
+        lines = swing_lines(self.plain, self.limb, (self.before, self.after), first, last)
+        return folds + [(8 * b0 + b1, line) for b0, b1, *line in lines]
 
     def most(self, released=None):
-        """Pairs on which limbs may hold on some path, beside some swing; see `check`.
+        """Pairs on which limbs may hold beside some swing; see `check`.
 
-        Of two limbs that hold each needs a pair that is clear of some of the other's.
+        What two limbs are close to is looked at in first middles alone, and each needs a pair that
+        is clear of some of the other's.
         """
-        found = {i: set() for i in self.held}
-        for path, standing in zip(self.paths, self.on_path, strict=True):
-            if not all(standing.values()):
-                continue
-            for line in [None] if released is None else self.swings(path, released):
-                out = dict(standing)
-                if line is not None:
-                    out = self.each_clear(path, standing, line, ("boxes", "body", "meeting"))
-                    out = all(out.values()) and self.some_apart(path, out)
-                if out and all(out.values()):
-                    found = {i: found[i] | out[i] for i in self.held}
+        none = {i: set() for i in self.held}
+        if released is None:
+            return self.alone(collisions=False) or none
+        first, last = (released[s][self.limb] for s in (self.before, self.after))
+        standing = self.alone() if first.pairs and last.pairs else None
+        found = none
+        for _, swing in self.swings(first, last) if standing else ():
+            kept = self.beside(standing, swing, whole=False)
+            kept = kept and self.some_apart(kept)
+            if kept:
+                found = {i: found[i] | kept[i] for i in self.held}
         return found
 
-    def swings(self, path, released):
-        """Folds in which the limb that moves can stay, and lines that are tried and clear."""
-        first, last = (released[s][self.limb] for s in (self.before, self.after))
-        if not first.pairs or not last.pairs:
-            return []
-        lines = [(self.plain.folds[fold],) * 2 for fold in sorted(first.folds & last.folds)]
-        lines += [(start, end) for _, _, start, end in self.lines(first, last)]
-        return [line for line in lines if self.plain.swing_clear(path, self.limb, *line)]
-
-    def some_apart(self, path, out):
-        """One pair of limbs after the other."""
+    def some_apart(self, standing):
+        """One limb after the other gives up what meets all that is left of another; or None."""
+        left, apart = dict(standing), partial(self.apart, standing, whole=False)
         for i in self.held:
-            for j in (j for j in self.held if j > i):
-                clear = [
-                    (b, c)
-                    for b in branches(out[i])
-                    for c in branches(out[j])
-                    if self.plain.clear(path, self.holds(i, b), self.holds(j, c), ("meeting",))
-                ]
-                out = out | {
-                    i: on(out[i], {b for b, _ in clear}), j: on(out[j], {c for _, c in clear})
-                }  # fmt: skip
-        return out
-
-    def holds(self, i, branch):
-        """A limb that holds."""
-        flange = self.plain.grasp(self.after, i)["flange"]
-        return holding(i, branch, flange["position"], flange["rotation"])
-
-    def apart(self, path, standing, line, still, swing):
-        """Those of some pairs on which limbs hold clear; None if a limb has none.
-
-        Args:
-            path: Path of the base.
-            standing: The pairs of each limb that holds.
-            line: Joint angles of the other limb at the start and at the end.
-            still: Whether they are clear of what does not move, and of each other.
-            swing: Whether of the limb that moves.
-        """
-        out = self.each_clear(
-            path, standing, line, ("boxes", "body") * still + ("meeting",) * swing
-        )
-        for i in self.held if still else ():
-            for j in (j for j in self.held if j > i and out[i] and out[j]):
-                self.both_apart(path, out, i, j)
-        return out if all(out.values()) else None
-
-    def each_clear(self, path, standing, line, compared):
-        """Those of some pairs on which limbs hold clear of some parts."""
-        mover, out = swinging(self.limb, *line), {}
-        for i in self.held:
-            free = {
-                b
-                for b in branches(standing[i])
-                if self.plain.clear(path, self.holds(i, b), mover, compared)
-            }
-            out[i] = on(standing[i], free)
-        return out
-
-    def both_apart(self, path, out, i, j):
-        """Leave two limbs pairs all of which are clear of each other.
-
-        The second gives up those that meet any of the first's. If it then had none it keeps its
-        first branch, and the first gives up those that meet that.
-        """
-        meets = {
-            (b, c)
-            for b in branches(out[i])
-            for c in branches(out[j])
-            if not self.plain.clear(path, self.holds(i, b), self.holds(j, c), ("meeting",))
-        }
-        rest = set(branches(out[j])) - {c for _, c in meets}
-        if rest:
-            out[j] = on(out[j], rest)
-            return
-        chosen = branches(out[j])[0]
-        out[j] = on(out[j], {chosen})
-        out[i] = {(b, flip) for b, flip in out[i] if (b, chosen) not in meets}
+            for j in self.held:
+                if i != j:
+                    others = branches(left[j])
+                    free = {b for b in branches(left[i]) if any(apart(i, b, j, c) for c in others)}
+                    left[i] = on(left[i], free)
+        return left if all(left.values()) else None
 
 
 def swing_lines(plain, limb, stances, first, last):

@@ -56,9 +56,6 @@ def asked(graph, limb, before, after, wanted, given):
     checks.release(stances, todo, world)
     steps = StepRecord.rows(1)
     steps["limb"], steps["before"], steps["after"], steps["fixed"] = limb, 0, 1, given
-    steps["pivot"] = graph.grasp_map.positions[[p for i, p in enumerate(after) if i != limb]].mean(
-        axis=0
-    )
     steps["branches"][0, : graph.limbs] = wanted
     able = checks.can_follow(steps.copy(), stances, world)
     checks.check(steps, stances, world)

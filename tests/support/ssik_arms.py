@@ -9,7 +9,6 @@ from ssik.solvers.jointlock import seven_r
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import Pose
@@ -81,14 +80,10 @@ def solutions_of_package(limb, pose):
     return angles[np.isfinite(angles[:, 0])]
 
 
-def solutions_of_file(file, held, pose):
-    """Those of the arm as it is, one beside each branch; None if a branch has none."""
-    try:
-        branches = solutions_of_package(file.fields["limb"], pose)
-        found = [file.exact_file_angles(np.stack([q, q]))[0] for q in branches]
-    except RobotError:  # close to a singular posture
-        return None
-    return np.array(found if held is None else np.insert(found, held - 1, HELD_ANGLE, axis=1))
+def solutions_of_file(limb, held, pose):
+    """The angles of all joints on the branches of a limb, shape (number, joints) [rad]."""
+    found = solutions_of_package(limb, pose)
+    return found if held is None else np.insert(found, held - 1, HELD_ANGLE, axis=1)
 
 
 def apart(some, others):

@@ -3,38 +3,84 @@
 import tempfile
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 from oracle import flange
 from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
-from mlivr_gym import RobotSpec
-from mlivr_gym.robot.spherical_wrist_limb import SHIFTS, SphericalWristLimb
+from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.robot.chain_limb import ChainLimb
 
 WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
-IIWA = SphericalWristLimb()
+HALF = float(np.sqrt(0.5))
+STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HALF, 0.0, 0.0)
+
+
+class Lengths(NamedTuple):
+    """Lengths of an arm that stands upright at zero angles [m].
+
+    Its joints turn about z, -y, z, -y, z, -y, z; an arm of six has no joint 3.
+    """
+
+    d1: float = 0.36
+    """Height of axis 2 over the base."""
+    a2: float = 0.42
+    """Upper arm."""
+    d4: float = 0.4
+    """Forearm, from the elbow to the wrist point."""
+    d6: float = 0.126
+    """From the wrist point to the flange."""
+    a1: float = 0.0
+    """Distance of axis 2 from axis 1."""
+    d2: float = 0.0
+    """Offset of the arm along axis 2."""
+    b2: float = 0.0
+    """Distance of the elbow axis from the upper arm."""
+    d3: float = 0.0
+    """Offset along the elbow axis."""
+    a3: float = 0.0
+    """Distance of the forearm from the elbow axis."""
+    a6: float = 0.0
+    """Distance of axis 7 from axis 6."""
+
+    def limb(self, limits, held_joint=3, held_angle=0.0):
+        """The limb; one of no held joint has six."""
+        fore = [((self.a3, self.d4, 0.0), BACK), ((0.0, 0.0, 0.0), FORTH)]
+        fore += [((self.a6, self.d6, 0.0), BACK)]
+        base = [((0.0, 0.0, self.d1), STRAIGHT), ((self.a1, 0.0, 0.0), FORTH)]
+        if held_joint is None:
+            upper = [((self.b2, self.a2, self.d2), STRAIGHT)]
+        else:
+            upper = [((0.0, 0.0, self.d2), BACK), ((self.b2, -self.d3, self.a2), FORTH)]
+        origins, quaternions = zip(*base, *upper, *fore, strict=True)
+        made = ChainLimb(
+            origins, quaternions, limits, (1.0,) * len(origins), held_joint=held_joint,
+            held_angle=held_angle,
+        )  # fmt: skip
+        KNOWN[origins] = self
+        return made
+
+
+KNOWN = {}
+"""Lengths of limbs, by the origins of their links."""
+IIWA = robot_spec("mlivr2-iiwa").limb
+KNOWN[IIWA.origins] = Lengths()
+IIWA = replace(IIWA, held_angle=0.0)
 """KUKA LBR iiwa 14 R820 by the maker's data sheet, joint 3 at 0."""
-SIX = SphericalWristLimb(
-    d1=0.29, a1=0.05, d2=0.03, a2=0.27, a3=0.07, d4=0.302, d6=0.072, held_joint=None,
-    joint_limits=WIDE,
-)  # fmt: skip
+SIX = Lengths(d1=0.29, a1=0.05, d2=0.03, a2=0.27, a3=0.07, d4=0.302, d6=0.072).limb(WIDE, None)
 """Lengths of a small industrial robot (ABB IRB 120), with every offset that the form has."""
-WAM = SphericalWristLimb(
-    d1=0.0, a2=0.55, b2=0.045, a3=-0.045, d4=0.3, d6=0.06,
-    joint_limits=((-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.8, 1.3), (-1.6, 1.6),
-                  (-2.2, 2.2)),
-)  # fmt: skip
+WAM_LIMITS = ((-2.6, 2.6), (-2.0, 2.0), (-2.8, 2.8), (-0.9, 3.1), (-4.8, 1.3), (-1.6, 1.6),
+              (-2.2, 2.2))  # fmt: skip
+WAM = Lengths(d1=0.0, a2=0.55, b2=0.045, a3=-0.045, d4=0.3, d6=0.06).limb(WAM_LIMITS)
 """Lengths of a Barrett WAM, whose elbow axis lies beside upper arm and forearm."""
-FRANKA = SphericalWristLimb(
-    d1=0.333, a2=0.316, b2=0.0825, a3=-0.0825, d4=0.384, a6=0.088, d6=0.107, held_joint=6,
-    held_angle=-1.3, joint_limits=((-2.9, 2.9),) * 7,
-)  # fmt: skip
+FRANKA = Lengths(d1=0.333, a2=0.316, b2=0.0825, a3=-0.0825, d4=0.384, a6=0.088, d6=0.107).limb(
+    ((-2.9, 2.9),) * 7, 6, -1.3
+)
 """Lengths of a Franka Research 3 by the maker's DH parameters; its shoulder alone is spherical."""
-GEN3 = SphericalWristLimb(
-    d1=0.2848, d2=-0.0118, a2=0.4208, d3=-0.0128, d4=0.3143, d6=0.1674, held_angle=0.6,
-    joint_limits=((-6.2, 6.2),) * 7,
-)  # fmt: skip
+GEN3_LENGTHS = Lengths(d1=0.2848, d2=-0.0118, a2=0.4208, d3=-0.0128, d4=0.3143, d6=0.1674)
+GEN3 = GEN3_LENGTHS.limb(((-6.2, 6.2),) * 7, held_angle=0.6)
 """Lengths of a Kinova Gen3 in the maker's DH parameters: axis 3 lies beside axis 1."""
 LIMBS = {
     "iiwa": IIWA,
@@ -52,7 +98,7 @@ OTHERS = {
 }
 """Limbs that hold another joint than the third, or whose elbow lies beside the upper arm."""
 FURTHER = {
-    "gen3-offset": replace(GEN3, d2=-0.2, d3=-0.15),
+    "gen3-offset": GEN3_LENGTHS._replace(d2=-0.2, d3=-0.15).limb(GEN3.joint_limits, 3, 0.6),
     "iiwa-sixth": replace(IIWA, held_joint=6, held_angle=-1.7),
     "wam-fifth": replace(WAM, held_joint=5),
     "gen3-first": replace(GEN3, held_joint=1),
@@ -62,7 +108,7 @@ FURTHER = {
 
 def moved_by(limb, q):
     """Angles of all joints of the model by those of the joints that move."""
-    q = np.asarray(q) - SHIFTS[limb.held_joint]
+    q = np.asarray(q)
     return q if limb.held_joint is None else np.insert(q, limb.held_joint - 1, limb.held_angle)
 
 
@@ -74,6 +120,7 @@ def columns(limb):
 
 def pinocchio_wrist_arm(limb):
     """Model of one arm; frame "flange" has the axes of the base at zero angles."""
+    held, limb = limb.held_joint, KNOWN[limb.origins]
     shoulder, up, across = np.array([limb.a1, 0, limb.d1]), np.eye(3)[2], -np.eye(3)[1]
     beside = shoulder + limb.d2 * across
     elbow = beside + np.array([limb.b2, 0.0, limb.a2])
@@ -81,7 +128,7 @@ def pinocchio_wrist_arm(limb):
     last = wrist + np.array([limb.a6, 0.0, 0.0])
     joints = [(np.zeros(3), up), (shoulder, across), (elbow, across), (wrist, up)]
     joints += [(wrist, across), (last, up)]
-    if limb.held_joint is not None:
+    if held is not None:
         joints.insert(2, (beside, up))
     model, parent, last = pin.Model(), 0, np.zeros(3)
     for k, (place, axis) in enumerate(joints):

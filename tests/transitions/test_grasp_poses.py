@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from mlivr_gym import robot_spec
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.arm import in_window
+from mlivr_gym.kinematics.chain import in_window
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import pose

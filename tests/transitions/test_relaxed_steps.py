@@ -26,20 +26,31 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         every = [ALL] * graph.limbs
         stances, step, _ = asked(graph, limb, before, after, every, False)
         world, most = checks.world(None), StepRecord.rows(1)
-        for name in ("limb", "before", "after", "pivot", "branches"):
+        for name in ("limb", "before", "after", "branches"):
             most[name][0] = step[name]
         checks.relax(most, stances, world)
+        there, back = most.copy(), most.copy()
+        back["before"], back["after"] = 1, 0
+        for one, here in ((there, 0), (back, 1)):
+            one["branches"][0, : graph.limbs] = stances.branch_sets[here]
+            checks.relax(one, stances, world)
+        supports = [i for i in range(graph.limbs) if i != limb]
+        both = [one["kept"][0, supports] for one in (there, back)]
+        if all(one.all() for one in both):
+            assert (both[0] == both[1]).all()
+        else:
+            assert not any(one.all() for one in both)
         plain = PlainChecks(graph, stances)
         releases = None
         if settings is None:
             releases = [[plain.release(s, i) for i in range(graph.limbs)] for s in (0, 1)]
-        of_step = PlainStep(plain, limb, 0, 1, step["pivot"], [*map(members, every)], False)
+        of_step = PlainStep(plain, limb, 0, 1, [*map(members, every)], False)
         found = {i: members(most["kept"][0, i]) for i in of_step.held}
         assert found == of_step.most(releases)
         for wanted in (every, *(some_masks(graph, rng) for _ in range(8))):
             _, kept, _ = asked(graph, limb, before, after, wanted, False)
             assert (kept["kept"] & ~most["kept"][0] == 0).all()
-        standing = {i: of_step.on_path[0][i] | of_step.on_path[1][i] for i in of_step.held}
+        standing = of_step.alone(collisions=False)
         kind = "all" if found == standing else "less" if any(found.values()) else "none"
         kinds[kind] += 1
     assert kinds["all"] > 0

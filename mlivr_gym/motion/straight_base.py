@@ -1,10 +1,9 @@
 """The way of the base of three limbs and more: knots of supports by inverse kinematics.
 
-The base moves on the straight line or the arc on which the step was checked, and the support limbs
-follow on their branches. How far a line between two knots is from the motion that was checked is
-measured in its middle, by the joint angles there: a turn of a joint moves nothing farther from its
-axis than the arm is long. By how much the grippers of supports slip there is measured by forward
-kinematics.
+The base moves on the straight way on which the step was checked, and the support limbs follow on
+their branches. How far a line between two knots is from the motion that was checked is measured in
+its middle, by the joint angles there: a turn of a joint moves nothing farther from its axis than
+the arm is long. By how much the grippers of supports slip there is measured by forward kinematics.
 """
 
 from __future__ import annotations
@@ -16,24 +15,21 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.motion import SweepScratch
+from mlivr_gym.collisions.joint_lines import STRAIGHT
+from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
-from mlivr_gym.kinematics.holding import joints_along
-from mlivr_gym.kinematics.limb import Angles
+from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions import motions
-from mlivr_gym.transitions.edge import Edge
+from mlivr_gym.transitions.steps import KEPT_CLEAR, line_clear
 
 WINDING_SAMPLES = 65
 """Base poses from which support limbs are followed up to the first one asked for."""
 
-SWING_TOLERANCE = 1e-3
-"""How far a line may move any limb or the base off the motion that was checked [m]."""
 
 FEWEST_PIECES, MOST_PIECES = 8, 512
 """Fewest and most pieces of the spline of a segment while the base moves."""
@@ -42,29 +38,32 @@ JointCurve = Callable[[Array], Array]
 """Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
 
-class SupportsOnPath:
-    """Support limbs that follow the base on its path; see `swings.Supports`."""
+class FollowingSupports:
+    """Support limbs that follow the base on its straight way; see `swings.Supports`."""
 
-    def __init__(self, graph: StanceGraph, ends: StepEnds, edge: Edge) -> None:
-        """Prepare a step with given ends on the base path of its edge."""
-        self._graph, self._ends = graph, ends
-        self._path = path_of(graph, ends, edge.path_kind)
+    def __init__(self, graph: StanceGraph, ends: StepEnds) -> None:
+        """Prepare a step with given ends."""
+        self._graph, self._ends, self._path = graph, ends, path_of(ends)
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        supports = [limb for limb in range(graph.limbs) if limb != ends.limb]
-        self._rows = motions.SupportRecord.rows(len(supports))
-        for row, limb in zip(self._rows, supports, strict=True):
-            row["limb"], row["point"], row["branch"] = limb, ends.after[limb], ends.branches[limb]
-        self._curves, self._scratch = motions.SwingCurve.rows(1), SweepScratch.rows(1)
-        self._curves["path"], self._curves["limb"] = self._path, ends.limb
+        self._lines, out = LineScratch.rows(1), Angles.rows(8)
+        self._line = line = self._lines[0]["line"]
+        line["leader"] = STRAIGHT
+        for limb, point in enumerate(ends.after):
+            if limb != ends.limb:
+                flange, branch = graph.solver.grasps[point]["flange"], ends.branches[limb]
+                all_angles_at(self._robots, limb, self._path["first"], flange, out)
+                is_turned = np.cos(out["q"][branch, 5] - ends.joints[0, limb, 5]) < 0.0
+                line["follows"] |= 1 << limb
+                line["held"][limb], line["branch"][limb] = flange, branch
+                line["flips"][limb] = 1 << int(is_turned)
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance on the line between two swing knots."""
-        curve = self._curves[0]
-        curve["begin"], curve["finish"] = a[0], b[0]
-        curve["start"]["q"], curve["end"]["q"] = a[1:], b[1:]
-        return bool(
-            motions.curve_clear(self._curves, self._rows, self._robots, self._world, self._scratch)
-        )
+        limb, line = self._ends.limb, self._line
+        where = map(pose, *base_poses(self._path, np.array([a[0], b[0]])))
+        line["path"] = base_path(*where)
+        line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
+        return bool(line_clear(limb, self._robots, self._world, self._lines))
 
     def knots(self, a: Array, b: Array) -> Array:
         """Return the knots from one swing knot to the next, shape (k, N, 6) [rad]."""
@@ -80,10 +79,10 @@ class SupportsOnPath:
         return dense_knots(self._graph.robot, self._ends, curve)
 
 
-def path_of(graph: StanceGraph, ends: StepEnds, kind: int) -> BasePath:
-    """Return the base path of a step as a record for compiled code."""
+def path_of(ends: StepEnds) -> BasePath:
+    """Return the way of the base during a step as a record for compiled code."""
     first, last = map(pose, ends.positions, ends.rotations)
-    return base_path(first, last, kind, graph.pivot(ends.before, ends.after))
+    return base_path(first, last)
 
 
 def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array) -> Array:
@@ -107,7 +106,7 @@ def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array)
 
 
 def dense_knots(
-    robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float = SWING_TOLERANCE
+    robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float = KEPT_CLEAR
 ) -> Array:
     """Return knots of a motion, shape (k, N, 6) [rad], so dense that lines between them are close.
 
@@ -150,15 +149,13 @@ def follow(
     Raises a `PlanError` if the branch ends.
     """
     bases, flanges, robots = poses(*base), poses(*flange), graph.checks.robots
-    out, reference = Angles.rows(max(len(bases), len(flanges))), Angles.row()
-    reference["q"] = one.joints
-    if joints_along(robots, one.limb, bases, flanges, one.branch, reference, out) < len(out):
+    joints = joints_along(robots, one.limb, bases, flanges, one.branch, one.joints)
+    if len(joints) < max(len(bases), len(flanges)):
         target = graph.grasp_map.ids[ends.to_point]
         raise PlanError(
             f"limb {one.limb} cannot stay on its branch while limb {ends.limb} moves to "
             f"{target!r}: the plan does not fit this map and robot, or its steps were not checked"
         )
-    joints: Array = out["q"]
     return joints
 
 
