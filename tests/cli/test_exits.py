@@ -1,6 +1,5 @@
 import json
 import signal
-import subprocess
 import sys
 import threading
 
