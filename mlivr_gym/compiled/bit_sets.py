@@ -92,24 +92,6 @@ def without_branch(branch_set: int, branch: int) -> int:
 
 
 @kernel
-def without_flip(branch_set: int, branch: int, flip: int) -> int:
-    """Return a branch set without a branch with one flip."""
-    return branch_set & ~(1 << (branch + 8 * flip))
-
-
-@kernel
-def has_class(branch_set: int, choice: int) -> bool:
-    """Return whether a branch set has a branch of a class."""
-    return branch_set >> (2 * choice) & 0x0303 != 0
-
-
-@kernel
-def without_class(branch_set: int, choice: int) -> int:
-    """Return a branch set without the branches of a class."""
-    return branch_set & ~(0x0303 << (2 * choice))
-
-
-@kernel
 def whole_class(choice: int) -> int:
     """Return the branch set of the branches of a class, each with both flips."""
     return 0x0303 << (2 * choice)

@@ -153,14 +153,6 @@ def length(a: Triple) -> float:
     return out
 
 
-@kernel
-def angle_between(a: Triple, b: Triple) -> float:
-    """Return the angle between two vectors [rad]."""
-    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-    angle: float = np.arctan2(np.sqrt(x * x + y * y + z * z), dot(a, b))
-    return angle
-
-
 @entry
 def _quaternions(poses: Any, out: Array) -> None:
     """Write quaternions of the poses after the first, in its axes, into `out`, shape (k, 4)."""

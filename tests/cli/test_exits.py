@@ -74,6 +74,7 @@ def test_other_threads_and_ignored_signals_are_left_alone():
 )
 def test_too_little_memory_is_said_in_one_line(capsys, monkeypatch, error):
     """Of processes that really have too little, libraries in C end some before this is said."""
+
     def run(args):
         raise error
 

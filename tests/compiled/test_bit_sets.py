@@ -20,7 +20,6 @@ from mlivr_gym.compiled.bit_sets import (
 ITEMS = st.integers(0, LAST + 20)
 MASKS = st.integers(0, 0xFFFF)
 BRANCH = st.integers(0, BRANCHES - 1)
-CLASS = st.integers(0, CLASSES - 1)
 
 
 def ours(name, *numbers):
@@ -50,9 +49,9 @@ def test_items_are_told_apart_as_far_as_there_are_bits(k, other):
     assert ours("has", ours("below", k), other) == below
 
 
-@given(MASKS, BRANCH, st.integers(0, 1))
+@given(MASKS, BRANCH)
 @settings(deadline=None)
-def test_sets_of_branches_and_flips(branch_set, branch, flip):
+def test_sets_of_branches_and_flips(branch_set, branch):
     found = members(branch_set)
     assert [(bit % 8, bit // 8) for bit in bits_of(branch_set)] == sorted(
         found, key=lambda b: b[::-1]
@@ -61,21 +60,15 @@ def test_sets_of_branches_and_flips(branch_set, branch, flip):
     assert members(ours("both_flips", branch)) == both
     assert ours("has_branch", branch_set, branch) == bool(found & both)
     assert members(ours("without_branch", branch_set, branch)) == found - both
-    assert members(ours("without_flip", branch_set, branch, flip)) == found - {(branch, flip)}
     branches = {branch for branch, _ in found}
     assert members(ours("any_flip", branch_set)) == {(b, flip) for b in branches for flip in (0, 1)}
     if branch_set:
         assert ours("first_branch", branch_set) == min(branch for branch, _ in found)
 
 
-@given(MASKS, CLASS)
-@settings(deadline=None)
-def test_sets_of_classes(branch_set, choice):
+@pytest.mark.parametrize("choice", range(CLASSES))
+def test_sets_of_classes(choice):
     assert members(ours("whole_class", choice)) == of_class(choice)
-    assert ours("has_class", branch_set, choice) == bool(members(branch_set) & of_class(choice))
-    assert members(ours("without_class", branch_set, choice)) == members(branch_set) - of_class(
-        choice
-    )
 
 
 @pytest.mark.parametrize("branch", range(BRANCHES))

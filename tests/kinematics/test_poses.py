@@ -7,7 +7,6 @@ from compiled import called
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.kinematics.poses import (
-    angle_between,
     cross,
     into,
     out_of,
@@ -63,6 +62,3 @@ def test_frames_and_vectors():
         np.testing.assert_allclose(turned, truth, atol=1e-12)
         product = called(cross)(triple(v), triple(w))
         np.testing.assert_allclose(product, np.cross(v, w), atol=1e-12)
-        cosine = v @ w / np.linalg.norm(v) / np.linalg.norm(w)
-        found = called(angle_between)(triple(v), triple(w))
-        assert found == pytest.approx(np.arccos(cosine), abs=1e-9)
