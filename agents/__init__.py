@@ -12,11 +12,9 @@ if __name__ == "agents":
 from mlivr_gym.agents.evaluation import Evaluation, EvaluationTask, evaluate
 from mlivr_gym.agents.policies import (
     ExpertPolicy,
-    LookingPolicy,
     PlanPolicy,
     Policy,
     RandomPolicy,
-    ReplanningPolicy,
     baseline_policy,
     planner_policy,
 )
@@ -25,11 +23,9 @@ __all__ = [
     "Evaluation",
     "EvaluationTask",
     "ExpertPolicy",
-    "LookingPolicy",
     "PlanPolicy",
     "Policy",
     "RandomPolicy",
-    "ReplanningPolicy",
     "baseline_policy",
     "evaluate",
     "planner_policy",

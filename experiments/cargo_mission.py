@@ -13,7 +13,7 @@ from typing import Any
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import stance_graph
-from mlivr_gym.closed_loop.cargo_mission import CargoMission, plan_cargo_mission
+from mlivr_gym.extensions.cargo.cargo_mission import CargoMission, plan_cargo_mission
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.limits import PACES
 

@@ -23,12 +23,12 @@ from reports import CORES, NOTHING, experiment, figures_of, study_rows, table
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
-from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.loop import EFFORT, run_closed_loop
-from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
 from mlivr_gym.errors import ShapeError
+from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
+from mlivr_gym.extensions.closed_loop.loop import EFFORT, run_closed_loop
+from mlivr_gym.extensions.closed_loop.record import ARRIVED, FAILED, STOPPED
+from mlivr_gym.extensions.closed_loop.unknown_things import BOXES, PLATES, unknown_things
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE

@@ -16,6 +16,7 @@ from matplotlib.patches import Rectangle
 from reports import GOAL, START, two_limb_graph
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.extensions.viewer.live_plan import states_of
 from mlivr_gym.pictures.figures import save_figure
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planner import GOAL_TOLERANCE
@@ -24,7 +25,6 @@ from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
-from mlivr_gym.viewer.live_plan import states_of
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""

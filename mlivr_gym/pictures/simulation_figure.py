@@ -1,9 +1,9 @@
-"""Figures of an execution in simulation over time, and of the load that the station feels of it."""
+"""Figure of an execution in simulation over time."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,9 +11,6 @@ from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.pictures.figures import new_figure, save_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure, Recording
-
-if TYPE_CHECKING:
-    from mlivr_gym.simulation.station_load import StationLoad
 
 SHADES = {0: ("departure", "#c6d9ed"), 2: ("approach", "#f6dcba")}
 """Name and background colour of the phases that are shaded, by index."""
@@ -27,9 +24,6 @@ SPIKE = 2.0
 
 DECADES = 2.7
 """Decades of the torque axis below the largest value."""
-
-AXES = (("x", "#c1121f"), ("y", "#2a9d3a"), ("z", "#1f5fd0"))
-"""Axes of the world and their colours."""
 
 Captures = tuple[Capture, ...]
 
@@ -118,36 +112,3 @@ def _after(times: Array, capture: Capture) -> BoolArray:
     # Times are multiples of the time step up to rounding.
     inside: BoolArray = (since > -1e-9) & (since < CAPTURE_TIME - 1e-9)
     return inside
-
-
-def load_figure(load: StationLoad, path: str | Path, title: str) -> None:
-    """Draw the load of a walk on a station, as PNG and as SVG of the same name."""
-    from mlivr_gym.simulation.station_load import limits  # imports MuJoCo, hence GL
-
-    figure = new_figure(11.0, 5.0)
-    parts = figure.subplot_mosaic([["force", "spectrum"], ["torque", "spectrum"]])
-    spectrum = parts["spectrum"]
-    for part, values, unit in (("force", load.forces, "N"), ("torque", load.torques, "N m")):
-        for k, (name, colour) in enumerate(AXES):
-            parts[part].plot(load.times, values[:, k], color=colour, linewidth=1.0, label=name)
-        parts[part].set(ylabel=f"{part} [{unit}]")
-        parts[part].margins(x=0.0)
-    parts["torque"].set(xlabel="time [s]")
-    parts["force"].legend(fontsize=8, ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    there = load.accelerations > 0.0
-    allowed = 1e6 * limits(load.frequencies)
-    spectrum.step(load.frequencies, allowed, where="mid", color="0.3", label="limit")
-    spectrum.loglog(
-        load.frequencies[there], 1e6 * load.accelerations[there], "o-", markersize=3,
-        color="#e07b00", label="walk",
-    )  # fmt: skip
-    spectrum.set_ylim(1e-6 * np.ceil(1e6 * 1e-3 * allowed.min()), 3.0 * allowed.max())
-    spectrum.set(
-        xlabel="middle of the one-third octave band [Hz]",
-        ylabel="acceleration, RMS over 100 s [micro-g]",
-    )
-    spectrum.legend(fontsize=8)
-    for axis in parts.values():
-        axis.grid(alpha=0.3)
-    figure.suptitle(title, fontsize=10)
-    save_figure(figure, path)

@@ -7,11 +7,11 @@ import pytest
 from matplotlib.colors import to_hex
 from recordings import resting
 
+from mlivr_gym.extensions.station_load.station_load import StationLoad, limits
 from mlivr_gym.pictures import simulation_figure as module
 from mlivr_gym.pictures.simulation_figure import SHADES, load_figure, simulation_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure
-from mlivr_gym.simulation.station_load import StationLoad, limits
 
 
 @pytest.fixture

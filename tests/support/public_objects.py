@@ -16,14 +16,12 @@ from small_tables import small_map, small_table
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.agents import (
     ExpertPolicy,
-    LookingPolicy,
     RandomPolicy,
-    ReplanningPolicy,
     baseline_policy,
     planner_policy,
 )
-from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.extensions.closed_loop import Belief, LookingPolicy, ReplanningPolicy
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
