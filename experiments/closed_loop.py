@@ -20,25 +20,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from reports import CORES, NOTHING, experiment, figures_of, study_rows, table
 
-from mlivr_gym import Box, State
+from mlivr_gym import Box, State, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.envs import sample_task
 from mlivr_gym.errors import ShapeError
-from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.extensions.closed_loop.loop import EFFORT, run_closed_loop
-from mlivr_gym.extensions.closed_loop.record import ARRIVED, FAILED, STOPPED
-from mlivr_gym.extensions.closed_loop.unknown_things import BOXES, PLATES, unknown_things
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.extensions.closed_loop import (
+    ARRIVED,
+    BOXES,
+    EFFORT,
+    PLATES,
+    STOPPED,
+    DepthCamera,
+    run_closed_loop,
+    unknown_things,
+)
+from mlivr_gym.extensions.closed_loop.record import FAILED
+from mlivr_gym.motion import Durations
+from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner, SearchOptions
+from mlivr_gym.robot import robot_spec
+from mlivr_gym.simulation import Setup, execute
 from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances import StanceGraph
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""

@@ -20,8 +20,7 @@ from reports import CORES, NOTHING, experiment, study_rows, table
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError
 from mlivr_gym.extensions.failed_joints import reach_without
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph, random_state
 
 NAMES = ("mlivr2", "mlivr2-iiwa")
 """Robots that are compared."""

@@ -16,10 +16,8 @@ import numpy as np
 from reports import CORES, NOTHING, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import RandomPolicy
+from mlivr_gym.agents import Policy, RandomPolicy, policy_by_name
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.policies import Policy
-from mlivr_gym.agents.policy_names import policy_by_name
 from mlivr_gym.extensions.closed_loop import LookingPolicy, UnknownMapEnv
 
 MOST_ACTIONS = 60

@@ -12,9 +12,7 @@ import shutil
 from reports import GOAL, START, command_line
 
 from mlivr_gym import stance_graph
-from mlivr_gym.extensions.viewer.live_plan import LivePlan
-from mlivr_gym.extensions.viewer.page import Page
-from mlivr_gym.extensions.viewer.viewer import Viewer, add_panel
+from mlivr_gym.extensions.viewer import LivePlan, Page, Viewer, add_panel
 from mlivr_gym.files import write_whole
 
 SHOWN = 5.0

@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
             plan.save(args.out)
             print(f"plan: {args.out}")
         if pictures:
-            from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
+            from mlivr_gym.pictures.plan_figures import plan_figure  # imports matplotlib
 
             title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
             plan_figure(chosen_map(args), plan, args.picture, result.tree, title)

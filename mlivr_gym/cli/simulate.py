@@ -32,8 +32,8 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
-from mlivr_gym.pictures.film import check_film_format, film
-from mlivr_gym.pictures.simulation_figure import simulation_figure
+from mlivr_gym.pictures.films import check_film_format, film
+from mlivr_gym.pictures.simulation_figures import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import Choice, Integer, Tuples
 from mlivr_gym.stances.build import stance_graph

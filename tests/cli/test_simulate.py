@@ -6,7 +6,7 @@ import pytest
 
 from mlivr_gym.cli.simulate import FILES
 from mlivr_gym.errors import RenderError
-from mlivr_gym.pictures.film import check_film_format
+from mlivr_gym.pictures.films import check_film_format
 from mlivr_gym.planners import Planner
 
 

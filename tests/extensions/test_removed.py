@@ -1,5 +1,6 @@
 """Each extension can be taken away: the core goes on, and knows nothing of it any more."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -21,7 +22,7 @@ from mlivr_gym.cli.main import every_command, main
 
 gone = sys.argv[1]
 assert mlivr_gym.__file__.startswith(sys.argv[2])
-extra = {"torch", "stable_baselines3", "sb3_contrib", "minari", "dm_env", "viser", "trimesh", "dask"}
+extra = {"dm_env", "minari", "sb3_contrib", "stable_baselines3", "torch", "trimesh", "viser"}
 for module in walk_packages(mlivr_gym.__path__, "mlivr_gym."):
     try:
         import_module(module.name)
@@ -33,7 +34,7 @@ for spec in gymnasium.registry.values():
     if spec.id.startswith("MLIVR"):
         import_module(spec.entry_point.split(":")[0])
 points = [{"id": f"P{k}", "face": "deck", "position": [0.4 * k, 0, 0], "normal": [0, 0, 1],
-           "rail": [1, 0, 0]} for k in range(6)]
+           "rail": [1, 0, 0]} for k in range(4)]
 deck = mlivr_gym.GraspMap.from_dict({"name": "deck", "points": points})
 settings = mlivr_gym.Settings(manipulability=False, collisions=False)
 graph = mlivr_gym.stance_graph(deck, settings=settings)
@@ -49,5 +50,6 @@ def test_the_core_goes_on_without_an_extension(name, tmp_path):
     (tmp_path / "mlivr_gym" / "envs_assets").symlink_to(ROOT / "envs_assets")
     shutil.rmtree(tmp_path / "mlivr_gym" / "extensions" / name)
     command = [sys.executable, "-c", CORE, name, str(tmp_path)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    quick = os.environ | {"PYTHONPATH": "", "NUMBA_DISABLE_JIT": "1"}  # which caches no copy
+    done = subprocess.run(command, cwd=tmp_path, env=quick, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -12,7 +12,7 @@ from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.limb_shapes import cargo_capsules
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.extensions.reaction.fastest import step_reactions
-from mlivr_gym.extensions.station_load.station_load import station_load
+from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.cargo import Cargo

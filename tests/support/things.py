@@ -31,7 +31,7 @@ from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
 from mlivr_gym.extensions.closed_loop.record import Event, Footage
 from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
 from mlivr_gym.extensions.reaction.fastest import Candidate
-from mlivr_gym.extensions.station_load.station_load import station_load
+from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.extensions.studies import StudyDesign, run_study
 from mlivr_gym.extensions.why_not.smallest_change import Change
 from mlivr_gym.motion.time_scaling import Durations

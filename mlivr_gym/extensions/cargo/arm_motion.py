@@ -15,23 +15,19 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import lies_behind
+from mlivr_gym.collisions import lies_behind
 from mlivr_gym.extensions.cargo.rrt_connect import connected
-from mlivr_gym.kinematics.grasps import grasp_rows
-from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
-from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.motion.time_scaling import quintic
-from mlivr_gym.motion.trajectory import FREE, Trajectory
-from mlivr_gym.robot.cargo import Cargo
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.kinematics import Angles, all_angles_at, grasp_rows, joints_along, pose
+from mlivr_gym.kinematics.poses import poses
+from mlivr_gym.motion import FREE, Trajectory, quintic
+from mlivr_gym.robot import Cargo, RobotSpec
+from mlivr_gym.simulation import Limits, Physics, scene_spec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
-from mlivr_gym.simulation.limits import Limits
 from mlivr_gym.simulation.path_dynamics import sampled_times
-from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import BOX, Box, scene_name
+from mlivr_gym.simulation.scene import compile_spec, set_configuration
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.world import BOX, Box, scene_name
 
 RESOLUTION = 0.02
 """Distance of the configurations that are checked, in the joint that moves most [rad]."""

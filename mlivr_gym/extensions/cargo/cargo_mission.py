@@ -16,32 +16,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mlivr_gym import stance_graph
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import lies_behind
+from mlivr_gym.collisions import lies_behind
 from mlivr_gym.errors import NoPlanError, RobotError, SettingError, ShapeError
 from mlivr_gym.extensions.cargo.arm_motion import Handle, LimbMover, limb_trajectory
 from mlivr_gym.extensions.cargo.carrying import carrying_robot
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.planners.query import QUERY
-from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.motion import FREE, Plan
+from mlivr_gym.planners import QUERY, Planner, SearchOptions
+from mlivr_gym.robot import MOST_LIMBS, Cargo, RigidBody, RobotSpec
 from mlivr_gym.robot.model import quaternion_of
-from mlivr_gym.robot.rigid import RigidBody, combined
-from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
+from mlivr_gym.robot.rigid import combined
 from mlivr_gym.schema import NAME, Integer, ListOf, OrNone
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation import Limits, Physics, Recording, Simulation, execute
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.recording import Failure, Peaks, Recording
-from mlivr_gym.simulation.simulator import Simulation
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.simulation.recording import Failure, Peaks
+from mlivr_gym.stances import StanceGraph
 from mlivr_gym.values import as_triple
-from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import GraspMap
+from mlivr_gym.world import Box, GraspMap
 
 BAG = "bag"
 """Id of the box that stands for the bag until it is picked up."""

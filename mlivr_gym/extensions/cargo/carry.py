@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
+from mlivr_gym import stance_graph
 from mlivr_gym.cli.arguments import chosen_map, chosen_settings, option, walk_options, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
@@ -12,9 +13,8 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.robots import described_robot
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import write_whole
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot import MOST_LIMBS
 from mlivr_gym.schema import Integer
-from mlivr_gym.stances.build import stance_graph
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def run(args: argparse.Namespace) -> int:
     carries it while the others walk; without --limb it is the one with the cheapest walks.
     """
     from mlivr_gym.extensions.cargo.cargo_mission import plan_cargo_mission
-    from mlivr_gym.simulation.limits import PACES as LIMITS
+    from mlivr_gym.simulation import PACES as LIMITS
 
     check_outputs(args.out, inputs=input_files(args))
     for name in ("cargo", "start", "pick", "stow"):

@@ -9,13 +9,17 @@ import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.distances import segment_box_distance, segments_distance
-from mlivr_gym.collisions.limb_shapes import LimbShapes, ShapesOfLimb, cargo_box_capsules
+from mlivr_gym.collisions import (
+    LimbShapes,
+    ShapesOfLimb,
+    cargo_box_capsules,
+    segment_box_distance,
+    segments_distance,
+)
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot import MOST_LIMBS, Cargo, LockedLimb, RobotSpec
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.cargo import Cargo, LockedLimb
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
 from mlivr_gym.schema import Integer, OrNone, Tuples
 from mlivr_gym.values import as_triple
 
@@ -66,7 +70,7 @@ def carrying_robot(
     Examples
     --------
     >>> from mlivr_gym import robot_spec
-    >>> from mlivr_gym.robot.cargo import Cargo
+    >>> from mlivr_gym.robot import Cargo
     >>> carrying_robot(robot_spec("mlivr3"), 0, Cargo(10.0, 0.2)).limbs
     2
     """

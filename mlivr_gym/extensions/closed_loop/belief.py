@@ -16,8 +16,7 @@ import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.collisions.contacts import Configuration, checked_configuration
-from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions import Configuration, LimbShapes, checked_configuration
 from mlivr_gym.extensions.closed_loop.hit_cubes import CAUTIONS, CUBE, SENSED, Caution, HitCubes
 from mlivr_gym.extensions.closed_loop.known_boxes import (
     HITS,
@@ -27,12 +26,11 @@ from mlivr_gym.extensions.closed_loop.known_boxes import (
     mark_around,
 )
 from mlivr_gym.extensions.closed_loop.path_check import PathCheck, robot_axes, robot_radii
-from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.motion import Trajectory
 from mlivr_gym.schema import Anything, Integer, OrNone
 from mlivr_gym.sharing import Independent
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.stances import StanceGraph, State
+from mlivr_gym.world import Box
 
 APART = 3
 """Number of cubes by which an obstacle must be away from all others to be told as a new one."""

@@ -13,9 +13,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from mlivr_gym.extensions.closed_loop.belief import Belief
-from mlivr_gym.planners import Plan, Planner, PlanningResult
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.transitions.state import State
+from mlivr_gym.planners import PROVED_IMPOSSIBLE, Plan, Planner, PlanningResult
+from mlivr_gym.stances import State
 
 PATIENCE = 4.0
 """Effort with which any plan is searched for if there is none at the limit, relative to it."""

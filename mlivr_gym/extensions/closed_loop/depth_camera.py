@@ -20,7 +20,7 @@ from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.known_boxes import NOISE
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot import RobotSpec
 from mlivr_gym.schema import Integer, Numbers, Tuples
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco

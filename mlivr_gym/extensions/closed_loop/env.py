@@ -9,27 +9,31 @@ import numpy as np
 from gymnasium import spaces
 
 from mlivr_gym.arguments import InstanceOf, Reader, checked
-from mlivr_gym.envs.env import Attempt, MlivrEnv
-from mlivr_gym.envs.layout_tasks import LayoutTasks
-from mlivr_gym.envs.observations import Observation
-from mlivr_gym.envs.reset_options import ResetOptions
+from mlivr_gym.envs import (
+    TASKS,
+    Attempt,
+    LayoutTasks,
+    MlivrEnv,
+    Observation,
+    ResetOptions,
+    Task,
+    TaskGenerator,
+)
 from mlivr_gym.envs.snapshots import motion_of
 from mlivr_gym.envs.streams import Stream
-from mlivr_gym.envs.task import Task, TaskGenerator
-from mlivr_gym.envs.tasks import FIRST_FIXED_SEED, TASKS
+from mlivr_gym.envs.tasks import FIRST_FIXED_SEED
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord
 from mlivr_gym.extensions.closed_loop.sensing_robot import SensingRobot
-from mlivr_gym.extensions.closed_loop.unknown_things import BOXES, PLATES, unknown_things
+from mlivr_gym.extensions.closed_loop.things import BOXES, PLATES, unknown_things
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.schema import FieldPath, Integer
-from mlivr_gym.simulation.recording import Recording
-from mlivr_gym.simulation.step_executor import StepExecutor
-from mlivr_gym.transitions.state import State
+from mlivr_gym.simulation import Recording, StepExecutor
+from mlivr_gym.stances import State
 from mlivr_gym.values import MAX_PARTS
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.world import Box
 
 DRAWS = 10
 """Number of times that things are drawn until a plan that knows them exists."""

@@ -10,21 +10,12 @@ from typing import Any
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord
-from mlivr_gym.pictures.film import (
-    DEFAULT_SIZE,
-    FILM,
-    check_film_format,
-    default_speed,
-    film_pictures,
-    film_samples,
-    save_film,
-)
-from mlivr_gym.pictures.rendering import Shot
-from mlivr_gym.pictures.route import Route
+from mlivr_gym.pictures import Route, Shot, check_film_format, film_pictures, save_film
+from mlivr_gym.pictures.films import DEFAULT_SIZE, FILM, default_speed, film_samples
 from mlivr_gym.pictures.scene_shapes import add_box
 from mlivr_gym.schema import ListOf
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.world import Box
 
 UNKNOWN_OPACITY = 0.25
 """Opacity of a box that the robot does not know, relative to one that it has seen."""

@@ -17,8 +17,7 @@ from scipy.special import ndtri
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.extensions.closed_loop.known_boxes import EXPLAINED_DEVIATIONS, mark_around
-from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.mesh_boxes import merged_cells
+from mlivr_gym.world import Box, merged_cells
 
 CUBE = 0.05
 """Edge of the cubes [m]."""

@@ -11,7 +11,7 @@ from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.schema import FieldPath, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.world import Box
 
 EXPLAINED_DEVIATIONS = 5.0
 """Distance from a known box within which a hit belongs to it, in standard deviations."""

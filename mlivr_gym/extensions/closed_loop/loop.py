@@ -36,18 +36,22 @@ from mlivr_gym.extensions.closed_loop.record import (
     Footage,
 )
 from mlivr_gym.extensions.closed_loop.sensing_robot import SensingRobot
-from mlivr_gym.planners import Plan, Planner, PlanningResult, SearchOptions
-from mlivr_gym.planners.outcome import LIMIT_REACHED
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
+from mlivr_gym.planners import (
+    GOAL_TOLERANCE,
+    LIMIT_REACHED,
+    PROVED_IMPOSSIBLE,
+    QUERY,
+    Plan,
+    Planner,
+    PlanningResult,
+    SearchOptions,
+)
 from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
-from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.step_executor import StepExecutor
+from mlivr_gym.simulation import Setup, StepExecutor
+from mlivr_gym.stances import StanceGraph, State
 from mlivr_gym.stances.obstacles import IDS
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MAX_PARTS
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.world import Box
 from mlivr_gym.world.given_points import STANCE
 
 LOOKS = 4

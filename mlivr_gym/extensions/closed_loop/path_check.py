@@ -9,12 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration, box_distances, capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.collisions import Configuration, LimbShapes, box_distances, capsule_ends
+from mlivr_gym.motion import Trajectory
+from mlivr_gym.robot import RobotSpec
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.world import Box
 
 CHECK_PERIOD = 0.1
 """Time between two configurations of a trajectory that are compared with boxes [s]."""

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from mlivr_gym.agents.policies import Policy
+from mlivr_gym.agents import Policy
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import BoolArray
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
 from mlivr_gym.planners import Planner

@@ -9,9 +9,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.planners import Plan
-from mlivr_gym.simulation.recording import Recording
-from mlivr_gym.transitions.state import State
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.simulation import Recording
+from mlivr_gym.stances import State
+from mlivr_gym.world import Box
 
 ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 """Outcomes of a walk. A robot that stopped holds all its points; one that failed may not."""

@@ -16,14 +16,15 @@ from mlivr_gym.errors import ShapeError
 from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
 from mlivr_gym.extensions.closed_loop.record import FAILED, ClosedLoopRecord, Event
-from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.motion import Trajectory
 from mlivr_gym.planners import Plan
 from mlivr_gym.sharing import Independent
+from mlivr_gym.simulation import StepExecutor
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
-from mlivr_gym.simulation.step_executor import PreparedStep, StepExecutor
-from mlivr_gym.transitions.state import State
+from mlivr_gym.simulation.step_executor import PreparedStep
+from mlivr_gym.stances import State
 
 ATTEMPTS = 2
 """Number of times that a limb reaches for a point before the point counts as occupied."""

@@ -9,13 +9,10 @@ from gymnasium import spaces
 
 from mlivr_gym.arguments import NOT_NEGATIVE, checked
 from mlivr_gym.arrays import BoolArray, IntArray
-from mlivr_gym.envs.env import Attempt, MlivrEnv
-from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES, LayoutTasks
-from mlivr_gym.envs.observations import Observation
-from mlivr_gym.envs.task import TaskGenerator
-from mlivr_gym.envs.tasks import TASKS
+from mlivr_gym.envs import TASKS, Attempt, LayoutTasks, MlivrEnv, Observation, TaskGenerator
+from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.kinematics.batches import distances
+from mlivr_gym.kinematics import distances
 from mlivr_gym.schema import FieldPath
 
 PRIOR = sum(OCCUPIED_SHARES) / 2.0

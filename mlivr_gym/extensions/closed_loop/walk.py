@@ -26,12 +26,11 @@ from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.extensions.closed_loop.film import closed_loop_film
 from mlivr_gym.extensions.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
 from mlivr_gym.files import write_whole
+from mlivr_gym.pictures import check_film_format, walk_figure
 from mlivr_gym.pictures.figures import figure_files
-from mlivr_gym.pictures.film import check_film_format
-from mlivr_gym.pictures.plan_figure import walk_figure
 from mlivr_gym.schema import Choice
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.world import Box
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -69,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
     from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
-    from mlivr_gym.simulation.setup import Setup
+    from mlivr_gym.simulation import Setup
 
     if args.blind:
         refuse_without_effect(args, "with --blind", "noise")

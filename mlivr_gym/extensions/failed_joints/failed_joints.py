@@ -10,11 +10,8 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.stances.build import in_same_world
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.robot import RobotSpec
+from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, in_same_world
 
 SAME_ANGLE = 1e-3
 """A joint within this of its angle counts as at it [rad]."""

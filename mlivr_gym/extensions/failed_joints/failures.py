@@ -12,8 +12,7 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RobotError, SettingError
 from mlivr_gym.extensions.failed_joints.failed_joints import reach_without
 from mlivr_gym.schema import Integer
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph, random_state
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -18,19 +18,16 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import TimingError
 from mlivr_gym.extensions.reaction.reaction import Reaction, reaction_of
+from mlivr_gym.motion import Durations, JointPath, Plan, Step
 from mlivr_gym.motion.commitment import commitments, edges_along
-from mlivr_gym.motion.joint_path import JointPath
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.plan_parts import Step, step_along
+from mlivr_gym.motion.plan_parts import step_along
 from mlivr_gym.motion.step_ends import StepEnds
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.planners import Planner
-from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
+from mlivr_gym.planners import GOAL_TOLERANCE, QUERY, Planner
 from mlivr_gym.planners.refinement import varied
 from mlivr_gym.schema import Choice, OrNone
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation import Limits
 from mlivr_gym.simulation.timing import TIMING, timed_path
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances import StanceGraph
 
 COSTS = (
     ("base", None), *(("weighted", price) for price in (0.01, 0.03, 0.1, 0.3, 1.0, 10.0)),

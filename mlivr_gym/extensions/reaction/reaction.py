@@ -15,9 +15,9 @@ from scipy.integrate import trapezoid
 from scipy.interpolate import CubicSpline
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.motion import TimedPath
 from mlivr_gym.motion.joint_path import PathSegment
-from mlivr_gym.motion.trajectory import TimedPath
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot import RobotSpec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.path_dynamics import sampled_times

@@ -6,7 +6,7 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.extensions.station_load.load import load_figure
-    from mlivr_gym.extensions.station_load.station_load import (
+    from mlivr_gym.extensions.station_load.spectra import (
         STATION_MASS,
         StationLoad,
         limits,

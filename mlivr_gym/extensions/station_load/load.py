@@ -12,7 +12,7 @@ import numpy as np
 from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.errors import path_shown
-from mlivr_gym.extensions.station_load.station_load import (
+from mlivr_gym.extensions.station_load.spectra import (
     MASS,
     STATION_MASS,
     StationLoad,
@@ -20,9 +20,9 @@ from mlivr_gym.extensions.station_load.station_load import (
     station_load,
 )
 from mlivr_gym.files import FileError
-from mlivr_gym.pictures.figures import new_figure, save_figure
+from mlivr_gym.pictures import new_figure, save_figure
 from mlivr_gym.schema import FieldPath, Numbers
-from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.simulation import Recording
 
 FILES = ("station.png", "station.svg")
 """Files that the command writes."""

@@ -6,9 +6,10 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.extensions.studies.design import RunBlock, StudyDesign
+    from mlivr_gym.extensions.studies.rows import Row
     from mlivr_gym.extensions.studies.run import read_study, run_study
 
-__all__ = ["RunBlock", "StudyDesign", "read_study", "run_study"]
+__all__ = ["Row", "RunBlock", "StudyDesign", "read_study", "run_study"]
 
 COMMANDS = {
     "study": (

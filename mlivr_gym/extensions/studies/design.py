@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from mlivr_gym.arguments import Reader, checked
 from mlivr_gym.errors import MlivrError, SettingError, path_shown
 from mlivr_gym.files import FileError
-from mlivr_gym.motion.plan_parts import COSTS
+from mlivr_gym.motion import COSTS
 from mlivr_gym.schema import (
     Choice,
     FieldPath,
@@ -29,7 +29,7 @@ from mlivr_gym.schema import (
     Tuples,
     Validator,
 )
-from mlivr_gym.simulation.limits import PACES
+from mlivr_gym.simulation import PACES
 from mlivr_gym.values import MAX_PARTS
 
 BLOCK_TASKS = 25

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mlivr_gym import stance_graph
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, SettingError, StanceError
@@ -21,19 +22,20 @@ from mlivr_gym.extensions.studies.design import (
     StudyDesign,
     is_function,
 )
-from mlivr_gym.planners.planner import Planner
-from mlivr_gym.planners.planning_result import PlanningResult
+from mlivr_gym.planners import Planner, PlanningResult
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.random_states import TRIES, random_state
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_build import build_table
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.stances import (
+    TRIES,
+    ImplicitGraph,
+    StanceGraph,
+    State,
+    TwoLimbGraph,
+    build_table,
+    random_state,
+)
 
 if TYPE_CHECKING:  # loads GL
-    from mlivr_gym.envs.env import MlivrEnv
+    from mlivr_gym.envs import MlivrEnv
 
 Row = dict[str, Any]
 """Results of one run by column."""
@@ -133,7 +135,7 @@ class _World:
     @cached_property
     def env(self) -> MlivrEnv:
         """The environment, with a graph of its own."""
-        from mlivr_gym.envs.env import MlivrEnv  # loads GL
+        from mlivr_gym.envs import MlivrEnv  # loads GL
 
         return MlivrEnv(**self._chosen)
 
@@ -178,8 +180,7 @@ def _planned(world: _World, task: int) -> tuple[StanceGraph, PlanningResult, Row
 
 def _simulate_row(world: _World, task: int) -> Row:
     """Plan a task, and execute the plan in MuJoCo."""
-    from mlivr_gym.simulation.monte_carlo import execute_many  # these load GL
-    from mlivr_gym.simulation.setup import Setup
+    from mlivr_gym.simulation import Setup, execute_many
 
     graph, found, row = _planned(world, task)
     if found.plan is None or not found.plan.steps:
@@ -195,8 +196,7 @@ def _simulate_row(world: _World, task: int) -> Row:
 
 def _evaluate_row(world: _World, task: int) -> Row:
     """Evaluate a policy on the episode of a task."""
-    from mlivr_gym.agents.evaluation import EvaluationTask, evaluate  # these load GL
-    from mlivr_gym.agents.policy_names import policy_by_name
+    from mlivr_gym.agents import EvaluationTask, evaluate, policy_by_name  # these load GL
 
     env, seed = world.env, world.design.seed + task
     start, goal = _task(env.graph, world, task)

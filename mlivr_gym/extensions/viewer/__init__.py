@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
-    from mlivr_gym.extensions.viewer.live_plan import LivePlan
+    from mlivr_gym.extensions.viewer.live_plan import LivePlan, states_of
     from mlivr_gym.extensions.viewer.page import Page
     from mlivr_gym.extensions.viewer.viewer import Viewer, add_panel, write_html
 
-__all__ = ["LivePlan", "Page", "Viewer", "add_panel", "write_html"]
+__all__ = ["LivePlan", "Page", "Viewer", "add_panel", "states_of", "write_html"]
 
 COMMANDS = {
     "view": (

@@ -12,22 +12,23 @@ from matplotlib.colors import to_rgba, to_rgba_array
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.contacts import Configuration
+from mlivr_gym.collisions import Configuration
 from mlivr_gym.extensions.viewer.live_plan import Marks
 from mlivr_gym.extensions.viewer.page import Colour, Page
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.pictures.camera import FIELD_OF_VIEW, Camera
+from mlivr_gym.motion import Plan
+from mlivr_gym.pictures import Camera, Route
+from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.robot_shapes import geom_corners
-from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS, Route, plan_base_path
+from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS, plan_base_path
+from mlivr_gym.robot import RobotSpec
 from mlivr_gym.robot.link_frames import rigid
-from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.simulation import scene_spec
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec, set_configuration
-from mlivr_gym.world.boxes import BOX, Box, scene_name
-from mlivr_gym.world.grasp_map import GraspMap
+from mlivr_gym.simulation.scene import COLOURS, compile_spec, set_configuration
+from mlivr_gym.world import BOX, Box, GraspMap, scene_name
 
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
 """Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""

@@ -11,13 +11,10 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, path_shown
-from mlivr_gym.motion.joint_path import PHASES
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.timed_configurations import TimedConfigurations
-from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
+from mlivr_gym.motion import PHASES, Durations, Plan, TimedConfigurations, TimedPath, Trajectory
+from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.schema import FieldPath, Numbers
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances import StanceGraph
 
 STEP_TIME = 5.0
 """Duration of a played step of a plan [s], since a plan has no time scaling."""

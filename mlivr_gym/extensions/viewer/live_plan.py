@@ -10,12 +10,10 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, StanceError
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.planners.query import GOAL_TOLERANCE
-from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.motion import Plan
+from mlivr_gym.planners import GOAL_TOLERANCE, Planner, SearchOptions
+from mlivr_gym.robot import LIMB_COLOURS
+from mlivr_gym.stances import StanceGraph, State
 
 POINT_COLOUR, OCCUPIED_COLOUR, FAINT_COLOUR, SHARED_COLOUR = (
     "#f2bf1a", "#1b1b1f", "#cfd3d8", "#8a3fb0",

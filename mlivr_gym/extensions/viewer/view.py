@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from mlivr_gym import stance_graph
 from mlivr_gym.cli.arguments import (
     CAPSULES,
     chosen_graph,
@@ -24,9 +25,8 @@ from mlivr_gym.errors import NoPlanError, SettingError
 from mlivr_gym.extensions.viewer.frames import Frames, load_frames
 from mlivr_gym.extensions.viewer.live_plan import LivePlan, query_of
 from mlivr_gym.extras import require
-from mlivr_gym.motion.plan import Plan
+from mlivr_gym.motion import Plan
 from mlivr_gym.schema import Integer
-from mlivr_gym.stances.build import stance_graph
 
 HOST, PORT = "127.0.0.1", 8080
 """Default address of the page, which this computer alone can reach."""

@@ -25,9 +25,8 @@ from mlivr_gym.extensions.viewer.live_plan import (
 )
 from mlivr_gym.extensions.viewer.page import Page
 from mlivr_gym.files import write_whole
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.motion import Plan
+from mlivr_gym.stances import StanceGraph, State
 
 TICK = 0.05
 """Time between two pictures while playing [s]."""

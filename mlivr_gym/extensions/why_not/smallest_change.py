@@ -13,15 +13,12 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from mlivr_gym import stance_graph
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.planners import Planner
-from mlivr_gym.planners.query import GOAL_TOLERANCE, QUERY
-from mlivr_gym.stances.build import in_same_world, stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.planners import GOAL_TOLERANCE, QUERY, Planner
+from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, in_same_world
 
 OBSTACLES, THRESHOLD = KINDS = ("obstacles", "limb_threshold")
 """Kinds of changes; of two of equal size, that of the earlier kind comes first."""

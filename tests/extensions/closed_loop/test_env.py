@@ -15,7 +15,7 @@ from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.hit_cubes import CAUTIONS, CUBE
 from mlivr_gym.extensions.closed_loop.policies import ReplanningPolicy
 from mlivr_gym.extensions.closed_loop.sensing_robot import ATTEMPTS
-from mlivr_gym.extensions.closed_loop.unknown_things import unknown_things
+from mlivr_gym.extensions.closed_loop.things import unknown_things
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.step_executor import MEASURES
 

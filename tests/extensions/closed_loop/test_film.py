@@ -14,7 +14,7 @@ from mlivr_gym.extensions.closed_loop.hit_cubes import CUBE
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
 from mlivr_gym.extensions.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.pictures import closed_loop_film as filming
-from mlivr_gym.pictures import film, rendering
+from mlivr_gym.pictures import rendering
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
@@ -70,7 +70,7 @@ def drawn(graph, record, tmp_path_factory):
             pass
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(film, "SceneRenderer", Painter)
+        patch.setattr("mlivr_gym.extensions.closed_loop.film.SceneRenderer", Painter)
         patch.setattr(rendering, "with_caption", lambda one, text, _: told.append(text) or one)
         path = tmp_path_factory.mktemp("film") / "walk.gif"
         closed_loop_film(graph, record, path, unknown=[BAG], size=SIZE, speed=SPEED)
@@ -189,7 +189,7 @@ def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
 
 
 def test_a_film_that_would_not_fit_into_memory_is_refused(graph, record, tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.pictures.film.MAX_FRAMES", 100)
+    monkeypatch.setattr("mlivr_gym.pictures.films.MAX_FRAMES", 100)
     begin, *_, end = record.footage.recording.times
     count = len(np.arange(begin, end, 2.5 / 25.0)) + 1
     with pytest.raises(RenderError, match=f"{count} frames, more than 100; choose a higher speed"):

@@ -9,7 +9,7 @@ from pinocchio_loads import loads_of
 from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.extensions.reaction.fastest import step_reactions, with_least_reaction
 from mlivr_gym.extensions.reaction.reaction import reaction_of
-from mlivr_gym.extensions.station_load.station_load import station_load
+from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.motion.commitment import commitments, edges_along
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.step_ends import StepEnds

@@ -26,8 +26,8 @@ from scipy.integrate import cumulative_trapezoid
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.schema import Tuples
+from mlivr_gym.simulation import Recording
 from mlivr_gym.simulation.disturbances import STANDARD_GRAVITY
-from mlivr_gym.simulation.recording import Recording
 
 STATION_MASS = 420_000.0
 """Mass of the International Space Station [kg], rounded; NASA states 419,725 kg."""
@@ -105,7 +105,7 @@ def station_load(recording: Recording, mass: float = STATION_MASS) -> StationLoa
     --------
     >>> from mlivr_gym import stance_graph
     >>> from mlivr_gym.planners import Planner
-    >>> from mlivr_gym.simulation.execution import execute
+    >>> from mlivr_gym.simulation import execute
     >>> graph = stance_graph()
     >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (3.0, 0.0, 0.42), cost="steps").unwrap()
     >>> load = station_load(execute(graph, plan).recording)

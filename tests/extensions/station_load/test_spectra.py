@@ -11,8 +11,10 @@ from scipy.integrate import cumulative_trapezoid
 
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError
+from mlivr_gym.extensions.station_load import StationLoad, limits
+from mlivr_gym.extensions.station_load import load as module
 from mlivr_gym.extensions.station_load.load import load_recording
-from mlivr_gym.extensions.station_load.station_load import limits, station_load, third_octaves
+from mlivr_gym.extensions.station_load.spectra import station_load, third_octaves
 from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
@@ -168,3 +170,26 @@ def test_a_file_that_is_no_recording_is_refused(walked, tmp_path):
     for name, words in (("few", "cannot read simulation"), ("short", "module_forces")):
         with pytest.raises(MlivrError, match=words):
             load_recording(tmp_path / f"{name}.npz")
+
+
+def test_the_load_of_a_station_is_drawn_with_its_limit(tmp_path, monkeypatch):
+    rng, times = np.random.default_rng(1), 0.1 * np.arange(200)
+    bands = 10.0 ** np.arange(-2.0, 1.0, 0.1)
+    load = StationLoad(
+        times, *rng.normal(size=(2, 200, 3)), *np.zeros((4, 1)), bands,
+        1e-6 * rng.uniform(0.1, 1.0, len(bands)),
+    )  # fmt: skip
+    kept = []
+    monkeypatch.setattr(module, "save_figure", lambda figure, path: kept.append(figure))
+    module.load_figure(load, tmp_path / "x.png", "A load")
+    by_name = {axes.get_ylabel(): axes for axes in kept[0].axes}
+    for name, values in (("force [N]", load.forces), ("torque [N m]", load.torques)):
+        lines = by_name.pop(name).lines
+        assert [line.get_label() for line in lines] == ["x", "y", "z"]
+        for line, value in zip(lines, values.T, strict=True):
+            np.testing.assert_allclose(line.get_xydata(), np.transpose([times, value]))
+    ((name, spectrum),) = by_name.items()
+    assert name.endswith("[micro-g]")
+    drawn = {line.get_label(): line.get_xydata() for line in spectrum.lines}
+    np.testing.assert_allclose(drawn["walk"], np.transpose([bands, 1e6 * load.accelerations]))
+    np.testing.assert_allclose(drawn["limit"], np.transpose([bands, 1e6 * limits(bands)]))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError, ShapeError
-from mlivr_gym.world.mesh_boxes import largest_excess, merged_cells, mesh_boxes
+from mlivr_gym.world.meshes import largest_excess, merged_cells, mesh_boxes
 
 trimesh = pytest.importorskip("trimesh")
 

@@ -6,7 +6,7 @@ from matplotlib.colors import to_hex
 
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
-from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.pictures.plan_figures import plan_figure
 from mlivr_gym.pictures.route import plan_base_path
 
 

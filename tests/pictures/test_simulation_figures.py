@@ -1,4 +1,4 @@
-"""The figures of an execution and of its load show the numbers that they stand for."""
+"""The figure of an execution shows the numbers that it stands for."""
 
 from dataclasses import replace
 
@@ -7,9 +7,8 @@ import pytest
 from matplotlib.colors import to_hex
 from recordings import resting
 
-from mlivr_gym.extensions.station_load.station_load import StationLoad, limits
-from mlivr_gym.pictures import simulation_figure as module
-from mlivr_gym.pictures.simulation_figure import SHADES, load_figure, simulation_figure
+from mlivr_gym.pictures import simulation_figures as module
+from mlivr_gym.pictures.simulation_figures import SHADES, simulation_figure
 from mlivr_gym.robot.specification import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure
 
@@ -80,24 +79,3 @@ def test_a_spike_at_a_capture_is_cut_off_and_its_height_written(kept, recording,
     usual = np.linalg.norm(np.delete(forces, range(200, 210), axis=0), axis=2).max()
     assert panel.get_ylim() == pytest.approx((0.0, 1.45 * usual))
     assert [text.get_text() for text in panel.texts] == ["\u2191 50"]
-
-
-def test_the_load_of_a_station_is_drawn_with_its_limit(kept, tmp_path):
-    rng, times = np.random.default_rng(1), 0.1 * np.arange(200)
-    bands = 10.0 ** np.arange(-2.0, 1.0, 0.1)
-    load = StationLoad(
-        times, *rng.normal(size=(2, 200, 3)), *np.zeros((4, 1)), bands,
-        1e-6 * rng.uniform(0.1, 1.0, len(bands)),
-    )  # fmt: skip
-    load_figure(load, tmp_path / "x.png", "A load")
-    by_name = {axes.get_ylabel(): axes for axes in kept[0].axes}
-    for name, values in (("force [N]", load.forces), ("torque [N m]", load.torques)):
-        lines = by_name.pop(name).lines
-        assert [line.get_label() for line in lines] == ["x", "y", "z"]
-        for line, value in zip(lines, values.T, strict=True):
-            np.testing.assert_allclose(line.get_xydata(), np.transpose([times, value]))
-    ((name, spectrum),) = by_name.items()
-    assert name.endswith("[micro-g]")
-    drawn = {line.get_label(): line.get_xydata() for line in spectrum.lines}
-    np.testing.assert_allclose(drawn["walk"], np.transpose([bands, 1e6 * load.accelerations]))
-    np.testing.assert_allclose(drawn["limit"], np.transpose([bands, 1e6 * limits(bands)]))

@@ -11,7 +11,7 @@ from recordings import resting
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.pictures.captions import strip_height
-from mlivr_gym.pictures.film import (
+from mlivr_gym.pictures.films import (
     default_speed,
     film,
     film_cameras,

@@ -7,10 +7,8 @@ import numpy as np
 from mlivr_gym.arguments import checked
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.schema import Integer
-from mlivr_gym.stances.random_states import TRIES
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
-from mlivr_gym.world.boxes import Box
+from mlivr_gym.stances import TRIES, StanceGraph, State
+from mlivr_gym.world import Box
 
 BOXES, PLATES = 5, 10
 """Number of unknown boxes, and of points covered by unknown plates."""
