@@ -51,9 +51,9 @@ def public_classes():
             module, _, name = path.rpartition(".")
             listed = re.findall(r"\w+", "".join(re.findall(":members:(.*)", options)))
             module, names = (path, listed) if kind == "module" else (module, [name])
-            for given, one in vars(importlib.import_module(module)).items():
-                is_here = inspect.isclass(one) and one.__module__ == module
-                if is_here and (given in names or not names) and not given.startswith("_"):
+            for given in names:
+                one = getattr(importlib.import_module(module), given)
+                if inspect.isclass(one):
                     found[given] = one
     return found
 

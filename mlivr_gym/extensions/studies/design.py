@@ -2,7 +2,7 @@
 
 A full factorial design: the runs are all combinations of the levels of the factors (Fisher 1935),
 each with the same number of random tasks. The task of a run depends on the seed, its number, and
-the factors of the graph alone, so that costs, paces or policies are compared on equal tasks.
+the factors of the graph alone, so that costs are compared on equal tasks.
 """
 
 from __future__ import annotations
@@ -29,7 +29,6 @@ from mlivr_gym.schema import (
     Tuples,
     Validator,
 )
-from mlivr_gym.simulation import PACES
 from mlivr_gym.values import MAX_PARTS
 
 BLOCK_TASKS = 25
@@ -38,7 +37,7 @@ BLOCK_TASKS = 25
 FUNCTION_BLOCKS = 40
 """Number of blocks into which the tasks of a function are divided, while blocks are not full."""
 
-TABLE_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
+GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "robot": (Text(), "mlivr2"),
     "map": (Text(), "jem"),
     "limb_threshold": (Tuples((), 0.0, 1.0), 0.1),
@@ -46,32 +45,15 @@ TABLE_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "clearance": (Tuples((), 0.0, 0.5, "m"), 0.02),
     "collisions": (Flag(), True),
 }
-"""Validator and default level of the factors that determine the stance graph and its table."""
+"""Validator and default level of the factors that determine the stance graph."""
 
-GRAPH_FACTORS: dict[str, tuple[Validator[Any], Any]] = TABLE_FACTORS | {
+FACTORS: dict[str, tuple[Validator[Any], Any]] = GRAPH_FACTORS | {
     "occupied": (Tuples((), 0.0, 0.9), 0.0),
-}
-"""Those that also determine the tasks. Each task occupies its own random points, the share
-`occupied` of the map."""
-
-PLAN_FACTORS: dict[str, tuple[Validator[Any], Any]] = {
     "cost": (Choice(tuple(name for name in COSTS if name != "weighted")), "steps"),
     "time_limit": (Tuples((), 0.01, 86_400.0, "s"), 60.0),
 }
-"""Those of plans; the time limit [s] is of effect with more than two limbs."""
-
-FACTORS: dict[str, dict[str, tuple[Validator[Any], Any]]] = {
-    "plan": GRAPH_FACTORS | PLAN_FACTORS,
-    "simulate": GRAPH_FACTORS
-    | PLAN_FACTORS
-    | {
-        "pace": (Choice(tuple(PACES)), "fast"),
-        "disturbances": (Choice(("none", "all")), "none"),
-    },
-    "evaluate": GRAPH_FACTORS | {"policy": (Text(), "expert")},
-    "build": TABLE_FACTORS,
-}
-"""The factors of each kind of study that has a name."""
+"""Those of a study of plans. Each task occupies its own random points, the share `occupied` of the
+map; the time limit [s] is of effect with more than two limbs."""
 
 
 def is_function(kind: str) -> bool:
@@ -79,33 +61,20 @@ def is_function(kind: str) -> bool:
     return ":" in kind
 
 
-KIND = Reader(
-    lambda kind, place: (
-        kind
-        if isinstance(kind, str) and is_function(kind)
-        else Choice(tuple(FACTORS)).read(kind, place)
-    )
-)
-"""Validator of a kind of study."""
-
-
-@dataclass(frozen=True)
-class _Level:
-    """Validator of the levels of functions."""
-
-    def read(self, value: object, place: FieldPath) -> Any:
-        if not isinstance(value, str | int | float):
-            raise place.refused(value, "text, a number, or true or false")
-        return value
+def _level(value: object, place: FieldPath) -> object:
+    """Return a level of a factor of a function."""
+    if not isinstance(value, str | int | float):
+        raise place.refused(value, "text, a number, or true or false")
+    return value
 
 
 def _validators(kind: str, data: object, place: FieldPath) -> dict[str, Validator[Any]]:
     """Return the validator of a level of each factor that a kind has, or a function is given."""
     if is_function(kind):
         factors = data.get("factors") if isinstance(data, Mapping) else None
-        return dict.fromkeys(factors, _Level()) if isinstance(factors, Mapping) else {}
-    KIND.read(kind, place.field("kind"))
-    return {name: validator for name, (validator, _) in FACTORS[kind].items()}
+        return dict.fromkeys(factors, Reader(_level)) if isinstance(factors, Mapping) else {}
+    Choice(("plan",)).read(kind, place.field("kind"))
+    return {name: validator for name, (validator, _) in FACTORS.items()}
 
 
 class RunBlock(NamedTuple):
@@ -126,14 +95,12 @@ class StudyDesign:
     """The runs of a study."""
 
     kind: str
-    """What a run does: `"plan"` a task, `"simulate"` the plan of a task in MuJoCo, `"evaluate"` a
-    policy on an episode, or `"build"` the table of a robot on a map. `"module:function"` calls a
-    function with the number of the task and the level of each factor by its name; it returns the
-    columns of a row."""
+    """What a run does: `"plan"` plans a task; `"module:function"` calls a function with the number
+    of the task and the level of each factor by its name, which returns the columns of a row."""
     factors: Mapping[str, tuple[Any, ...]]
     """Levels of each factor that the study varies or sets; others have their default level."""
     tasks: int = 20
-    """Number of random tasks for each combination of levels; 1 for `"build"`."""
+    """Number of random tasks for each combination of levels."""
     seed: int = 0
     """Seed of the tasks."""
 
@@ -154,8 +121,6 @@ class StudyDesign:
         for name, given in read.get("factors", {}).items():
             if len(set(given)) < len(given):
                 raise place.field(f"factors.{name}").refused(list(given), "levels that differ")
-        if read["kind"] == "build" and read.setdefault("tasks", 1) != 1:
-            raise place.field("tasks").refused(read["tasks"], "1: a table is built once")
         return cls(**({"factors": {}} | read))
 
     @classmethod
@@ -186,7 +151,8 @@ class StudyDesign:
     @property
     def combinations(self) -> list[dict[str, Any]]:
         """All combinations of levels, the last factor given varying fastest."""
-        defaults = {name: level for name, (_, level) in FACTORS.get(self.kind, {}).items()}
+        known = {} if is_function(self.kind) else FACTORS
+        defaults = {name: level for name, (_, level) in known.items()}
         return [
             defaults | dict(zip(self.factors, levels, strict=True))
             for levels in product(*self.factors.values())

@@ -12,7 +12,7 @@ import io
 import json
 import os
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from pathlib import Path
 
 from mlivr_gym import __version__
@@ -20,7 +20,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.engines import ENGINES, executor_of
 from mlivr_gym.errors import SettingError, path_shown
 from mlivr_gym.extensions.studies.design import RunBlock, StudyDesign, is_function
-from mlivr_gym.extensions.studies.rows import Row, columns_of, function_run, rows_of
+from mlivr_gym.extensions.studies.rows import Row, function_run, rows_of
 from mlivr_gym.extras import require
 from mlivr_gym.files import FileError, read_json, write_whole
 from mlivr_gym.schema import Choice, FieldPath
@@ -28,9 +28,6 @@ from mlivr_gym.settings import GRAPH_RULES
 
 DESIGN, RESULT, BLOCKS = "design.json", "study.parquet", "blocks"
 """Names of the files of a study, and of the folder of its finished blocks."""
-
-MOST_WAITING = 1024
-"""Maximum number of blocks given to the engine at a time, so that a large study takes no memory."""
 
 Progress = Callable[[int, int], None]
 """Called with the number of finished runs, and with that of all."""
@@ -70,11 +67,6 @@ def run_study(
     notify
         Called with the address of Dask's dashboard.
 
-    Returns
-    -------
-    Path
-        The file `study.parquet`, with one row for each run, see `rows.COLUMNS`.
-
     Raises
     ------
     MlivrError
@@ -99,41 +91,29 @@ def run_study(
     progress(done, total)
     with executor_of(engine, workers, scheduler, notify) as executor:
         for number, rows in _computed(executor, design, todo):
-            _write(_file(path, number), design.kind, rows)
+            _write(_file(path, number), rows)
             done += len(rows)
             progress(done, total)
-    return _finish(path, design, len(blocks))
+    return _finish(path, len(blocks))
 
 
 def _computed(
     executor: Executor, design: StudyDesign, todo: list[RunBlock]
 ) -> Iterator[tuple[int, list[Row]]]:
     """Yield number and rows of each block as soon as it is computed."""
-    waiting: dict[Future[list[Row]], int] = {}
-    remaining = iter(todo)
-    while True:
-        for block in remaining:
-            waiting[executor.submit(rows_of, design, block)] = block.number
-            if len(waiting) >= MOST_WAITING:
-                break
-        if not waiting:
-            return
-        for job in wait(waiting, return_when=FIRST_COMPLETED).done:
-            try:
-                yield waiting.pop(job), job.result()
-            except BrokenExecutor:
-                raise SettingError(
-                    "a process of the study ended; what is finished is stored, so run the study "
-                    "again to go on, with fewer workers if memory was short"
-                ) from None
+    waiting = {executor.submit(rows_of, design, block): block.number for block in todo}
+    for job in as_completed(waiting):
+        try:
+            yield waiting.pop(job), job.result()
+        except BrokenExecutor:
+            raise SettingError(
+                "a process of the study ended; what is finished is stored, so run the study again "
+                "to go on, with fewer workers if memory was short"
+            ) from None
 
 
 def _prepare(design: StudyDesign, path: Path) -> None:
-    """Make the folder of a study, or check that it holds a part of the same study.
-
-    Raises a `FileError` if the folder cannot be made, and a `SettingError` if it holds another
-    study.
-    """
+    """Make the folder of a study, or check that it holds a part of the same study."""
     try:
         (path / BLOCKS).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
@@ -157,17 +137,14 @@ def _file(path: Path, number: int) -> Path:
     return path / BLOCKS / f"{number:06d}.parquet"
 
 
-def _write(path: Path, kind: str, rows: list[Row]) -> None:
-    """Write rows to a Parquet file."""
+def _write(path: Path, rows: list[Row]) -> None:
+    """Write rows to a Parquet file; the types of its columns are those of their values."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    types = {"string": pa.string, "double": pa.float64, "int64": pa.int64, "bool": pa.bool_}
-    known = [(name, types[one]()) for name, one in columns_of(kind).items()]
-    schema = pa.schema(known) if known else None  # types of a function are inferred
     blank = dict.fromkeys(name for row in rows for name in row)
     stream = io.BytesIO()
-    pq.write_table(pa.Table.from_pylist([blank | row for row in rows], schema), stream)
+    pq.write_table(pa.Table.from_pylist([blank | row for row in rows]), stream)
     write_whole(path, stream.getvalue())
 
 
@@ -187,11 +164,11 @@ def _read(path: Path) -> list[Row]:
     return rows
 
 
-def _finish(path: Path, design: StudyDesign, blocks: int) -> Path:
+def _finish(path: Path, blocks: int) -> Path:
     """Write the rows of all blocks to one file, and remove those of the blocks."""
     files = [_file(path, number) for number in range(blocks)]
     rows = [row for file in files for row in _read(file)]
-    _write(path / RESULT, design.kind, rows)
+    _write(path / RESULT, rows)
     for file in files:
         file.unlink()
     (path / BLOCKS).rmdir()

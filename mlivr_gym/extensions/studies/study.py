@@ -18,7 +18,6 @@ from mlivr_gym.engines import ENGINES
 from mlivr_gym.extensions.studies.design import StudyDesign, is_function
 from mlivr_gym.extensions.studies.rows import succeeded
 from mlivr_gym.extensions.studies.run import read_study, run_study
-from mlivr_gym.files import write_whole
 from mlivr_gym.schema import Choice
 
 
@@ -39,8 +38,8 @@ def run(args: argparse.Namespace) -> None:
 
     A study consists of all combinations of the levels of some factors, such as robots, maps and
     thresholds, each with random tasks. The design is read from a TOML file. Results go to
-    FOLDER/study.parquet, with one row for each run, and a table of their means to FOLDER/study.md.
-    If the command is interrupted, run it again to continue.
+    FOLDER/study.parquet, with one row for each run. If the command is interrupted, run it again to
+    continue.
     """
     if args.engine == "local":
         refuse_without_effect(args, "with --engine local", "scheduler")
@@ -53,7 +52,7 @@ def run(args: argparse.Namespace) -> None:
             sys.path.append(str(PACKAGE.parent))
         sys.path.append(str(Path(args.file).resolve().parent))
     folder = Path(args.out or Path(args.file).with_suffix(""))
-    check_outputs(folder / "study.md", folder=folder)
+    check_outputs(folder=folder)
     total = len(design.combinations) * design.tasks
     with Progress("runs", total, args.quiet) as progress:
         file = run_study(
@@ -64,7 +63,6 @@ def run(args: argparse.Namespace) -> None:
             notify=lambda address: print(f"dashboard: {address}", file=sys.stderr, flush=True),
         )  # fmt: skip
     found = list(combination_means(design, read_study(folder)))
-    write_whole(folder / "study.md", summary_table(design, found))
     args.result |= {"file": file, "runs": total, "combinations": found}
     for means in found:
         levels = ", ".join(f"{name} {level}" for name, level in means["levels"].items())
@@ -87,20 +85,9 @@ def combination_means(design: StudyDesign, rows: list[dict[str, Any]]) -> Iterat
         yield {
             "levels": {name: levels[name] for name in design.factors},
             "runs": len(found),
-            "successes": sum(succeeded(design.kind, row) for row in found),
+            "successes": sum(succeeded(row) for row in found),
             "mean_steps": fmean(steps) if steps else None,
             "median_seconds": median(seconds) if seconds else 0.0,
             "errors": len(errors),
             "error": errors[0] if errors else "",
         }
-
-
-def summary_table(design: StudyDesign, combinations: list[dict[str, Any]]) -> str:
-    """Return the counts and means of all combinations as a table in Markdown."""
-    rows = [[*design.factors, "runs", "successes", "mean steps", "median time [s]", "refused"]]
-    rows.append(["---"] * len(rows[0]))
-    for one in combinations:
-        steps = "" if one["mean_steps"] is None else f"{one['mean_steps']:.2f}"
-        figures = [one["runs"], one["successes"], steps, f"{one['median_seconds']:.3g}"]
-        rows.append([*map(str, [*one["levels"].values(), *figures, one["errors"]])])
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)

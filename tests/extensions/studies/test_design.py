@@ -7,8 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.extensions.studies.design import BLOCK_TASKS, FACTORS, StudyDesign
-from mlivr_gym.simulation.disturbances import DISTURBANCES
+from mlivr_gym.extensions.studies.design import BLOCK_TASKS, StudyDesign
 
 LEVELS = {"robot": ["mlivr2", "mlivr3"], "cost": ["steps", "base"], "clearance": [0.01, 0.02]}
 
@@ -29,15 +28,10 @@ def test_blocks_hold_each_task_of_each_combination_once(names, tasks):
 
 def test_a_file_describes_the_same_design_as_its_data(tmp_path):
     path = tmp_path / "study.toml"
-    path.write_text('kind = "evaluate"\ntasks = 3\n[factors]\npolicy = ["expert", "random"]\n')
+    path.write_text('kind = "plan"\ntasks = 3\n[factors]\ncost = ["base", "steps"]\n')
     design = StudyDesign.from_file(path)
     assert design == StudyDesign.from_data(design.to_data())
-    assert [levels["policy"] for levels in design.combinations] == ["expert", "random"]
-
-
-def test_disturbances_are_those_of_simulations():
-    validator, _ = FACTORS["simulate"]["disturbances"]
-    assert validator.options == tuple(DISTURBANCES)
+    assert [levels["cost"] for levels in design.combinations] == ["base", "steps"]
 
 
 @pytest.mark.parametrize(
@@ -47,7 +41,7 @@ def test_disturbances_are_those_of_simulations():
         ('kind = "a:b"\n[factors]\nx = 3', "factors.x is 3; it must be a list"),
         ('kind = "a:b"\n[factors]\nx = [[1]]', "factors.x[0] is [1]; it must be text, a number"),
         ('kind = "plan"\ntask = 3', "unknown field 'task'; valid fields are kind, tasks"),
-        ('kind = "build"\ntasks = 2', "tasks is 2; it must be 1"),
+        ('kind = "build"', "kind is 'build'; valid choices are 'plan'"),
         ('kind = "plan"\n[factors]\npace = ["fast"]', "factors has an unknown field 'pace'"),
         ('kind = "plan"\n[factors]\ncost = ["time"]', "factors.cost[0] is 'time'"),
         ('kind = "plan"\n[factors]\nrobot = ["a", "a"]', "it must be levels that differ"),
