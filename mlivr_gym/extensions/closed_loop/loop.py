@@ -8,11 +8,11 @@ only in the simulation. The cameras look round at every grasp and during every s
 beside the map becomes an obstacle, and if that blocks the remainder of the walk, it is planned anew
 from the branches on which the limbs are. During a step, a limb turns back if something new lies
 where the robot will move, or if the robot is so far off its trajectory that it would touch
-something. A limb that is refused, or misses its point, goes back as well and tries again, unless a
-cheaper plan was found on the way. After the second such attempt the point counts as occupied. If no
-plan is left in the world that the robot believes in, points to which paths were blocked are tried
-once more; then it stops where it is and holds all its points. So it does if sensing or planning
-fails; a limb that swings then goes back first.
+something. A limb that is refused, or misses its point, goes back as well and tries again. After the
+second such attempt the point counts as occupied. If no plan is left in the world that the robot
+believes in, points to which paths were blocked are tried once more; then it stops where it is and
+holds all its points. So it does if sensing or planning fails; a limb that swings then goes back
+first.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import count
 
 import numpy as np
 
@@ -46,16 +45,13 @@ from mlivr_gym.planners import (
     PlanningResult,
     SearchOptions,
 )
-from mlivr_gym.schema import Flag, Integer, ListOf, OrNone, Tuples
+from mlivr_gym.schema import Flag, Integer, ListOf, OrNone
 from mlivr_gym.simulation import Setup, StepExecutor
 from mlivr_gym.stances import StanceGraph, State
 from mlivr_gym.stances.obstacles import IDS
 from mlivr_gym.values import MAX_PARTS
 from mlivr_gym.world import Box
 from mlivr_gym.world.given_points import STANCE
-
-LOOKS = 4
-"""Number of looks during a step after which the robot plans on from where the step leads."""
 
 INFLATION, ANY_PLAN = 3.0, 1e6
 """Suboptimality bound of the plans of more than two limbs, and one that any plan is within."""
@@ -78,7 +74,6 @@ FAULT = "sensing or planning failed"
         "setup": OrNone(InstanceOf(Setup)),
         "seed": SEED,
         "max_steps": Integer(1, 100_000),
-        "time_limit": OrNone(Tuples((), 0.0)),
         "show": OrNone(Function()),
         "filmed": Flag(),
     }
@@ -97,7 +92,6 @@ def run_closed_loop(
     setup: Setup | None = None,
     seed: int = 0,
     max_steps: int = 200,
-    time_limit: float | None = None,
     show: Callable[[Event], None] | None = None,
     filmed: bool = False,
 ) -> ClosedLoopRecord:
@@ -131,12 +125,6 @@ def run_closed_loop(
         Seed of the disturbances and of the noise of the cameras.
     max_steps
         Number of attempted steps after which the robot stops.
-    time_limit
-        Maximum time of each planning [s], by default none: two limbs search until a plan is proved
-        to be the best, more limbs until one is proved within `INFLATION`, or with an effort that is
-        the same on any machine. With a limit in place of that, plans depend on the speed of the
-        machine. If none is found, any plan is searched for, with `PATIENCE` times the effort or
-        time, before the robot stops.
     show
         Called with each event.
     filmed
@@ -173,24 +161,19 @@ def run_closed_loop(
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
 
     def plan_from(state: State, patience: float) -> PlanningResult:
-        if graph.limbs == 2 or time_limit is not None:
-            inflation = 1.0 if graph.limbs == 2 else INFLATION if patience == 1.0 else ANY_PLAN
-            seconds = None if time_limit is None else patience * time_limit
-            return plan(state, options=SearchOptions(inflation=inflation), time_limit=seconds)
+        if graph.limbs == 2:  # until a plan is proved to be the best
+            return plan(state, options=SearchOptions(inflation=1.0))
         if patience == 1.0:
             found = plan(state, options=SearchOptions(inflation=INFLATION, effort=LITTLE_EFFORT))
             if found.reason != LIMIT_REACHED:
                 return found
         return plan(state, options=SearchOptions(inflation=ANY_PLAN, effort=int(patience * EFFORT)))
 
-    def why_none(result: PlanningResult) -> str:
-        return result.message
-
     robot = SensingRobot(executor, camera, seed, show)
     course = Course(robot.belief, planner, plan_from)
     robot.record.footage = Footage() if filmed else None
     try:
-        _Loop(robot, course, why_none).run(start, refusing_points, max_steps)
+        _Loop(robot, course).run(start, refusing_points, max_steps)
     finally:
         robot.belief.withdraw()
     return robot.record
@@ -199,12 +182,10 @@ def run_closed_loop(
 class _Loop:
     """A closed loop in progress."""
 
-    def __init__(
-        self, robot: SensingRobot, course: Course, why_none: Callable[[PlanningResult], str]
-    ) -> None:
+    def __init__(self, robot: SensingRobot, course: Course) -> None:
         self.graph, self.record, self._robot = robot.graph, robot.record, robot
         self._executor, self._belief = robot.executor, robot.belief
-        self._course, self._why_none = course, why_none
+        self._course = course
 
     def run(self, start: Sequence[str | int], refusing: frozenset[int], max_steps: int) -> None:
         """Sense, plan and step until the walk ends."""
@@ -222,7 +203,7 @@ class _Loop:
         first = self._replan(state)  # it chooses the branches of the start
         if first.plan is None:
             record.proved, record.sensed = first.reason in PROVED_IMPOSSIBLE, self._belief.boxes()
-            self._robot.end(STOPPED, self._why_none(first))
+            self._robot.end(STOPPED, first.message)
             return
         plan = first.plan if first.plan.steps else None
         self._robot.start(state, plan, refusing)
@@ -252,7 +233,7 @@ class _Loop:
                 raise robot.fault
             robot.look_round()
             began = time.perf_counter()
-            result = self._replan(state, robot.refused == "refused")
+            result = self._replan(state)
             computing_time = time.perf_counter() - began
         except MlivrError as fault:
             robot.end(STOPPED, f"{FAULT}: {fault}")
@@ -261,7 +242,7 @@ class _Loop:
         if plan is None:
             is_proved = result.reason in PROVED_IMPOSSIBLE
             self.record.proved = is_proved and not self._belief.avoided
-            robot.end(STOPPED, self._why_none(result))
+            robot.end(STOPPED, result.message)
             return None
         remaining = len(plan.steps) - self._course.taken
         robot.note("planned", steps=remaining, computing_time=computing_time)
@@ -269,30 +250,22 @@ class _Loop:
             self.record.footage.plans.append((self._executor.simulation.time, plan))
         return plan
 
-    def _replan(self, state: State, is_retry: bool = False) -> PlanningResult:
+    def _replan(self, state: State) -> PlanningResult:
         """Plan the remainder of the walk, and record what is doubted for its sake."""
         doubted = len(self._belief.doubted)
-        result = self._course.replan(state, is_retry)
+        result = self._course.replan(state)
         for box in self._belief.doubted[doubted:]:
             self._robot.note("doubts", box=box)
         return result
 
     def _step(self, plan: Plan) -> None:
-        """Attempt the next step of a plan, planning on from its end meanwhile."""
-        executor, taken, looks = self._executor, self._course.taken, count(1)
+        """Attempt the next step of a plan."""
+        executor, taken = self._executor, self._course.taken
         limb, name = plan.actions[taken]
         executor.follow(plan)
         moves, point = self.graph.successors(executor.state), self.graph.grasp_map.index(name)
         branch_sets = tuple(moves.branch_sets[moves.find(limb, point)].tolist())
         prepared = self._robot.prepared(limb, point, branch_sets)
-        if prepared is None:
-            return
-
-        def plan_ahead() -> None:
-            began = time.perf_counter()
-            if next(looks) % LOOKS == 0 and self._course.plan_ahead(prepared.after):
-                self.record.times_ahead.append(time.perf_counter() - began)
-
-        if self._robot.attempt(prepared, plan_ahead):
+        if prepared is not None and self._robot.attempt(prepared):
             self._course.taken += 1
             self.record.add_step(plan, taken)

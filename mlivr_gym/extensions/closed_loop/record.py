@@ -94,8 +94,6 @@ class ClosedLoopRecord:
     """The state of the stance graph after the last step; None if no step could be planned."""
     refused: tuple[str, ...] = ()
     """Ids of the points that count as occupied, since limbs did not get to them or were refused."""
-    times_ahead: list[float] = field(default_factory=list)
-    """Computing time of each plan that was made during a step, from where it leads [s]."""
     peak_force: float = 0.0
     """Largest force of a grasp [N]."""
     duration: float = 0.0

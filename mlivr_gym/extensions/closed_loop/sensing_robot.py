@@ -55,7 +55,7 @@ class SensingRobot(Independent):
     refused
         Kind of event of the last attempt: `"refused"`, `"blocked"`, or None.
     fault
-        What was raised while it sensed or planned during a step; None if nothing was. It has gone
+        What was raised while it sensed during a step; None if nothing was. It has gone
         back then.
     intervals
         What was simulated in the last attempt.
@@ -124,8 +124,8 @@ class SensingRobot(Independent):
         if has_found:
             self.note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
-    def _watch(self, plan_ahead: Callable[[], None] | None) -> PathWatch:
-        """Return what looks ahead during a step: the cameras, and what plans after each look."""
+    def _watch(self) -> PathWatch:
+        """Return what looks ahead during a step: the cameras."""
         camera, fields = self._camera, cycle(FIELDS)
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
@@ -134,16 +134,11 @@ class SensingRobot(Independent):
             try:
                 self._sense(camera, next(fields))
                 present, belief = self.executor.configuration, self.belief
-                if belief.is_blocked(trajectory, sample):
-                    return True
-                if belief.will_touch(trajectory, sample, present):
-                    return True
-                if plan_ahead is not None:
-                    plan_ahead()
+                blocked = belief.is_blocked(trajectory, sample)
+                return blocked or belief.will_touch(trajectory, sample, present)
             except Exception as fault:  # whoever attempts the step raises it, once all limbs hold
                 self.fault = fault
                 return True
-            return False
 
         return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
 
@@ -157,17 +152,16 @@ class SensingRobot(Independent):
         self.belief.avoid(point)
         return None
 
-    def attempt(self, step: PreparedStep, plan_ahead: Callable[[], None] | None = None) -> bool:
+    def attempt(self, step: PreparedStep) -> bool:
         """Take a step, and go back if it fails; return whether it ended with a grasp.
 
-        `plan_ahead` is called after each look of the cameras that saw nothing in the way. The
-        record ends if the robot cannot go back.
+        The record ends if the robot cannot go back.
         """
         executor, grasps = self.executor, step.trajectory.grasps
         limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
         point = int(grasps[-1, limb])
         self.intervals = []
-        _, executed = executor.take(step, self._watch(plan_ahead))
+        _, executed = executor.take(step, self._watch())
         self._measure(executed)
         failure, name = executed.failure, self._name(point)
         self.refused = None if failure is None else NOTICED.get(failure.kind)

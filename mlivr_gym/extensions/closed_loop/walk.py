@@ -45,8 +45,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "box that the robot believes in, though it is gone [m]; may be repeated"
     option(parser, "--gone X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
-    text = "time of each planning [s]; if it finds no plan, it is tried once for four times as long"
-    option(parser, "--time-limit S", text, type=float)
     option(parser, "--blind", "switch the cameras off")
     option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
     controller_option(parser)
@@ -91,7 +89,6 @@ def run(args: argparse.Namespace) -> int:
         camera=None if args.blind else DepthCamera(noise=args.noise),
         setup=Setup.of(args.pace, args.controller, disturbances=args.disturbances),
         seed=args.seed,
-        time_limit=args.time_limit,
         show=_show,
         filmed=args.film is not None,
     )  # fmt: skip

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import cast
 
 import numpy as np
@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions import Configuration
-from mlivr_gym.extensions.viewer.live_plan import Marks
 from mlivr_gym.extensions.viewer.page import Colour, Page
 from mlivr_gym.motion import Plan
 from mlivr_gym.pictures import Camera, Route
@@ -33,8 +32,11 @@ from mlivr_gym.world import BOX, Box, GraspMap, scene_name
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
 """Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""
 
-MARKED_SCALE = 1.8
-"""Factor by which points are enlarged whose colours have a meaning."""
+OCCUPIED_SCALE = 1.8
+"""Factor by which occupied points are enlarged."""
+
+POINT_COLOUR, OCCUPIED_COLOUR = "#f2bf1a", "#1b1b1f"
+"""Colours of points, and of occupied ones."""
 
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Angles of the initial line of sight [deg]."""
@@ -128,12 +130,12 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
         )
 
 
-def colour_points(page: Page, grasp_map: GraspMap, marks: Marks) -> None:
-    """Set the colours of the graspable points, and enlarge the marked ones."""
-    scales = np.ones(len(grasp_map), dtype=np.float32)
-    scales[list(marks.points)] = MARKED_SCALE
+def colour_points(page: Page, grasp_map: GraspMap, occupied: Collection[int]) -> None:
+    """Set the colours of the graspable points; occupied ones are dark, and larger."""
+    is_occupied = np.isin(np.arange(len(grasp_map)), list(occupied))
+    scales = np.where(is_occupied, OCCUPIED_SCALE, 1.0).astype(np.float32)
     # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
-    share = to_rgba_array(marks.colours)[:, :3]
+    share = to_rgba_array(np.where(is_occupied, OCCUPIED_COLOUR, POINT_COLOUR))[:, :3]
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():

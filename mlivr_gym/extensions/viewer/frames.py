@@ -54,15 +54,8 @@ class Frames(TimedConfigurations):
 
 
 def plan_frames(graph: StanceGraph, plan: Plan) -> Frames:
-    """Return the frames of a plan at `STEP_TIME` a step.
-
-    If a step cannot be reconstructed in this graph, the frames are the stances alone.
-    """
-    try:
-        walked = _walked(graph, plan)
-    except PlanError:
-        motion = plan.motion
-        return stance_frames(motion.base_positions, motion.base_quaternions, motion.joint_positions)
+    """Return the frames of a plan at `STEP_TIME` a step."""
+    walked = _walked(graph, plan)
     step, phase = walked.step.copy(), walked.phase.copy()
     step[-1], phase[[0, -1]] = len(plan.steps), AT_REST
     bases = walked.base_positions, walked.base_quaternions

@@ -1,10 +1,8 @@
-"""The state of the viewer without its page: a query with its plan, and what limbs can reach."""
+"""The state of the viewer without its page: a query with its plan, and what limbs can do."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -12,13 +10,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import MlivrError, StanceError
 from mlivr_gym.motion import Plan
 from mlivr_gym.planners import GOAL_TOLERANCE, Planner, SearchOptions
-from mlivr_gym.robot import LIMB_COLOURS
 from mlivr_gym.stances import StanceGraph, State
-
-POINT_COLOUR, OCCUPIED_COLOUR, FAINT_COLOUR, SHARED_COLOUR = (
-    "#f2bf1a", "#1b1b1f", "#cfd3d8", "#8a3fb0",
-)  # fmt: skip
-"""Colours of points, of occupied ones, of points out of reach, and of several limbs."""
 
 NO_STEP = "no step: the support limbs cannot follow the base, or every swing is in collision"
 """Reason for a point whose stance can be held, but that no step reaches."""
@@ -103,40 +95,6 @@ class LivePlan:
 def _plan_message(plan: Plan) -> str:
     """Summarise a plan."""
     return f"{len(plan.steps)} steps, {plan.base_translation:.3f} m"
-
-
-class Marks(NamedTuple):
-    """Colours of the points of a map with their legend."""
-
-    colours: list[str]
-    """Hexadecimal colour of each point."""
-    legend: list[tuple[str, str]]
-    """Colour and text of each entry of the legend."""
-    points: Sequence[int]
-    """Indices of the points whose colours have a meaning; they are enlarged."""
-
-
-def point_marks(graph: StanceGraph, reached_from: State | None = None) -> Marks:
-    """Return one colour for all points, and a dark one for occupied points.
-
-    With a state, points that limbs can step to from it have the colours of the limbs.
-    """
-    occupied = sorted(graph.occupied)
-    legend = [(OCCUPIED_COLOUR, f"occupied: {len(occupied)}")] if occupied else []
-    plain = POINT_COLOUR if reached_from is None else FAINT_COLOUR
-    colours, limbs = [plain] * len(graph.grasp_map), dict[int, list[int]]()
-    for point in occupied:
-        colours[point] = OCCUPIED_COLOUR
-    if reached_from is not None:
-        steps = graph.successors(reached_from)
-        for limb, point in zip(steps.limb.tolist(), steps.point.tolist(), strict=True):
-            limbs.setdefault(point, []).append(limb)
-        for point, reaching in limbs.items():
-            colours[point] = LIMB_COLOURS[reaching[0]] if len(reaching) == 1 else SHARED_COLOUR
-        counts, shared = Counter(steps.limb.tolist()), sum(len(some) > 1 for some in limbs.values())
-        legend += [(LIMB_COLOURS[i], f"limb {i}: {counts[i]} points") for i in range(graph.limbs)]
-        legend.append((SHARED_COLOUR, f"several limbs: {shared}"))
-    return Marks(colours, legend, [*occupied, *limbs])
 
 
 def explanations(graph: StanceGraph, state: State, point: int) -> list[str]:

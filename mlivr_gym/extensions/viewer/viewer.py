@@ -19,7 +19,6 @@ from mlivr_gym.extensions.viewer.frames import STEP_TIME, Frames, plan_frames, s
 from mlivr_gym.extensions.viewer.live_plan import (
     LivePlan,
     explanations,
-    point_marks,
     query_of,
     states_of,
 )
@@ -63,9 +62,8 @@ class Viewer:
         """Draw the module, the robot and the plan, or the frames of its execution."""
         self.page, self.live, self.executed = page, live, executed
         self.time, self.playing, self.speed = 0.0, False, 1.0
-        self.click, self.reach_shown = EXPLAIN, False
+        self.click = EXPLAIN
         self._lock, self._closed = threading.RLock(), threading.Event()
-        self._marked: tuple[object, ...] = ()
         grasp_map = live.graph.grasp_map
         self._model = drawing.draw_stage(page, grasp_map, live.graph.robot, capsules)
         page.label(NOW, "", ABOVE)
@@ -102,8 +100,8 @@ class Viewer:
             drawing.draw_world(page, graph.obstacles, live.goal, live.query["goal_tolerance"])
             if AIM in page.nodes:
                 page.nodes[AIM].position = live.goal
+            drawing.colour_points(page, graph.grasp_map, graph.occupied)
             page.write("summary", live.summary())
-            self._marked = ()
             self.seek(0.0)
 
     # Playing.
@@ -121,7 +119,6 @@ class Viewer:
             slider = self.page.items.get("time")
             if slider is not None:
                 slider.max, slider.value = max(self.frames.duration, 0.1), round(self.time, 2)
-            self._mark()
 
     def scrub(self, time: float) -> None:
         """Show a time [s] chosen on the page, and stop playing."""
@@ -176,23 +173,6 @@ class Viewer:
         number = int(self.frames.step[self.frames.at(self.time)])
         return self._states[min(number, len(self._states) - 1)] if self._states else None
 
-    def show_reach(self, shown: bool) -> None:
-        """Choose whether points that limbs can step to have the colours of the limbs."""
-        with self._lock:
-            self.reach_shown = shown
-            self._mark()
-
-    def _mark(self) -> None:
-        """Colour the points if anything has changed that their colours depend on."""
-        graph, state = self.live.graph, self.present_state() if self.reach_shown else None
-        if (state, graph.version) == self._marked:
-            return
-        self._marked = state, graph.version
-        colours = point_marks(graph, state)
-        drawing.colour_points(self.page, graph.grasp_map, colours)
-        lines = [f'<span style="color:{c}">⬤</span> {text}' for c, text in colours.legend]
-        self.page.write("legend", "  \n".join(lines))
-
     def hide_walls_from(self, eye: Array) -> None:
         """Hide the walls that a camera at `eye` [m] sees from behind."""
         with self.page.server.atomic():
@@ -210,9 +190,6 @@ def add_panel(viewer: Viewer) -> None:
     clicks = gui.add_dropdown("a click on a point", (EXPLAIN, BLOCK), initial_value=viewer.click)
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.items["explanation"] = gui.add_markdown("")
-    reach = gui.add_checkbox("points within reach", viewer.reach_shown)
-    page.item("reach", reach, viewer.show_reach)
-    page.items["legend"] = gui.add_markdown("")
     for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
             lambda event, points=points: viewer.clicked(int(points[event.instance_index]))

@@ -152,9 +152,11 @@ def test_a_stop_at_points_to_which_paths_were_blocked_is_no_proof(graph, plan, m
     assert set(tried.values()) == {2 * ATTEMPTS}
 
 
-def test_a_planner_without_time_to_plan_proves_nothing(jem):
+def test_a_planner_without_effort_to_plan_proves_nothing(jem, monkeypatch):
+    for name in ("LITTLE_EFFORT", "EFFORT"):
+        monkeypatch.setattr(f"mlivr_gym.extensions.closed_loop.loop.{name}", 1)
     graph = stance_graph(jem, robot_spec("mlivr3"))
-    record = run_closed_loop(graph, ("D3a:8", "D3a:1", "D3a:4"), (4.2, 0.0, 0.42), time_limit=0.0)
+    record = run_closed_loop(graph, ("D3a:8", "D3a:1", "D3a:4"), (4.2, 0.0, 0.42))
     assert (record.outcome, record.proved, record.steps) == (STOPPED, False, 0)
     assert "limit reached" in record.reason
 

@@ -85,13 +85,13 @@ def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
 def test_what_is_gone_is_believed_during_the_walk(monkeypatch):
     believed = []
 
-    def walk(graph, *_, gone, time_limit, **__):
-        believed.append(([box.bounds.tolist() for box in graph.obstacles], gone, time_limit))
+    def walk(graph, *_, gone, **__):
+        believed.append(([box.bounds.tolist() for box in graph.obstacles], gone))
         return ClosedLoopRecord(ARRIVED, "it may")
 
     monkeypatch.setattr("mlivr_gym.extensions.closed_loop.loop.run_closed_loop", walk)
     box = [[3.0, -0.2, 0.0], [3.2, 0.2, 0.4]]
-    given = "--gone", *map(str, box[0] + box[1]), "--time-limit", "2.5"
+    given = "--gone", *map(str, box[0] + box[1])
     assert main([*START, *GOAL, *given]) == 0
     np.testing.assert_allclose(believed[0][0], [box])
-    assert believed[0][1:] == (["gone0"], 2.5)
+    assert believed[0][1:] == (["gone0"],)

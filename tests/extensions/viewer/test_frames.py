@@ -9,7 +9,6 @@ from plans import first_steps
 
 from mlivr_gym.errors import PlanError
 from mlivr_gym.extensions.viewer.frames import (
-    AT_REST,
     STEP_TIME,
     Frames,
     load_frames,
@@ -28,18 +27,6 @@ def test_a_plan_is_played_from_stance_to_stance(checked_graph, walk):
         np.testing.assert_allclose(shown[0], planned[0], atol=1e-6)
         assert abs(shown[1] @ planned[1]) == pytest.approx(1.0)  # either sign is the same turn
         np.testing.assert_allclose(shown[2], planned[2], atol=1e-6)
-
-
-def test_a_plan_that_cannot_be_followed_shows_its_stances(checked_graph, walk, monkeypatch):
-    def refuse(*_):
-        raise PlanError("no swing")
-
-    monkeypatch.setattr("mlivr_gym.extensions.viewer.frames.trajectory", refuse)
-    frames = plan_frames(checked_graph, walk)
-    assert len(frames.times) == 5
-    assert (frames.phase == AT_REST).all()
-    assert [frames.describe(k, walk) for k in (0, 4)] == ["stance 0 of 4", "stance 4 of 4"]
-    np.testing.assert_array_equal(frames.joint_positions, walk.motion.joint_positions)
 
 
 @pytest.fixture(scope="module")

@@ -1,30 +1,14 @@
-"""Colours of points, compared with the graph that they tell of."""
+"""What is told of points and states, compared with the graph."""
 
 import pytest
 
 from mlivr_gym.extensions.viewer import live_plan as marks
-from mlivr_gym.robot.specification import LIMB_COLOURS
 
 
 @pytest.fixture
 def state(checked_graph):
     yield checked_graph.state(("D2a:4", "D2b:4"))
     checked_graph.vacate()
-
-
-def test_reach_is_what_the_successors_are(checked_graph, state):
-    checked_graph.occupy(["D3b:7"])
-    occupied, steps = checked_graph.grasp_map.index("D3b:7"), checked_graph.successors(state)
-    found = marks.point_marks(checked_graph, state)
-    for limb in range(2):
-        to, others = (set(steps.point[steps.limb == i].tolist()) for i in (limb, 1 - limb))
-        for point in range(len(checked_graph.grasp_map)):
-            alone = point in to and point not in others
-            assert (found.colours[point] == LIMB_COLOURS[limb]) == alone
-        assert (LIMB_COLOURS[limb], f"limb {limb}: {len(to)} points") in found.legend
-    assert set(found.points) == {occupied, *steps.point.tolist()}
-    for some in (found, marks.point_marks(checked_graph)):
-        assert some.colours[occupied] == marks.OCCUPIED_COLOUR
 
 
 def test_reasons_agree_with_the_graph(checked_graph, state):
