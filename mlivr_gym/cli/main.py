@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +28,8 @@ from mlivr_gym.cli.exits import (
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError, SettingError
+from mlivr_gym.cli.help import CommandParser
+from mlivr_gym.errors import MlivrError, NoPlanError
 from mlivr_gym.extensions import commands
 
 SHOWN = ("plan", "render", "simulate", "evaluate")
@@ -46,25 +47,18 @@ def examples(lines: Sequence[str]) -> str:
     return "examples:\n" + "".join(f"  {line}\n" for line in lines)
 
 
-class _Parser(argparse.ArgumentParser):
-    """Argument parser that reports an error in one line, and where the usage is explained."""
-
-    def error(self, message: str) -> NoReturn:
-        raise SettingError(f"{message}; see `{self.prog} --help`")
-
-
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     """Return the parser of all commands, with the options of those that `given` names.
 
     Only the modules of these are imported, since importing Numba and others takes a second.
     """
     shown = [line for name in SHOWN for line in COMMANDS[name][1:]]
-    parser: argparse.ArgumentParser = _Parser(
+    parser: argparse.ArgumentParser = CommandParser(
         prog="mlivr-gym",
+        usage="%(prog)s COMMAND [OPTION ...]",
         description="Plan, simulate and learn how a robot with several limbs climbs hand over "
         "hand through a space station module.",
         epilog=f"{examples(shown)}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     # `grace`, and `default` and `commands` below, are no options but values for the commands:
     # the time to end after Ctrl-C, a function of an option's name, and all parsers by name.
@@ -72,12 +66,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
     choices = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, (place, (summary, *lines)) in every_command().items():
-        added = choices.add_parser(
-            name,
-            help=summary,
-            epilog=examples(lines),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
+        added = choices.add_parser(name, help=summary, epilog=examples(lines))
         added.set_defaults(default=added.get_default, commands=choices.choices)
         if name in given:
             from mlivr_gym.cli.arguments import output_options
