@@ -9,20 +9,18 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from mlivr_gym.arguments import SEED, InstanceOf, checked
+from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
 from mlivr_gym.envs.rewards import BaseReward, StepReward
-from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import BASELINE, find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.costs import COST_KINDS, Cost
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.query import QUERY, Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
-from mlivr_gym.schema import FieldPath
 from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -101,7 +99,7 @@ class ExpertPolicy(Independent):
         if mask.size != env.graph.limbs * len(env.graph.grasp_map):
             raise SettingError(
                 f"the expert policy chooses among steps alone; {type(env).__name__} has another "
-                "action: use ReplanningPolicy for ClosedLoopEnv, LookingPolicy for UnknownMapEnv"
+                "action"
             )
         if env.state.pose is not None:
             # The table lacks this state; failures of its first grasp are not considered.
@@ -144,68 +142,6 @@ def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
             f"{env.graph.limbs}"
         )
     return env.graph
-
-
-class LookingPolicy(Independent):
-    """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
-
-    `policy` chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
-    `failure_probability` are what the robot knows.
-    """
-
-    @checked()
-    def __init__(self, policy: Policy, looks: bool = True) -> None:
-        """Take the policy that chooses the steps."""
-        self.policy, self.looks = policy, looks
-
-    @checked({"env": InstanceOf(UnknownMapEnv)})
-    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action to take; see `Policy.act`.
-
-        Raises a `SettingError` if the environment is not an `UnknownMapEnv`.
-        """
-        assert isinstance(env, UnknownMapEnv)
-        if not mask[:-1].any():
-            return len(mask) - 1
-        action = self.policy.act(env, observation, mask[:-1])
-        point = action % len(env.graph.grasp_map)
-        look = self.looks and not env.seen[point] and point in env.in_sight()
-        return len(mask) - 1 if look else action
-
-
-class ReplanningPolicy(Independent):
-    """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
-
-    It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
-    """
-
-    @checked(COST_KINDS)
-    def __init__(self, cost: str = "steps", **options: Any) -> None:
-        """Plan with a cost, and further arguments of `Planner.plan`."""
-        self._cost, self._options = cost, options
-        self._planner: Planner | None = None
-
-    @checked()
-    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action to take; see `Policy.act`.
-
-        Raises a `SettingError` if the environment is not a `ClosedLoopEnv`.
-        """
-        from mlivr_gym.envs.closed_loop import ClosedLoopEnv  # imports MuJoCo
-
-        InstanceOf(ClosedLoopEnv).read(env, FieldPath("env", SettingError))
-        assert isinstance(env, ClosedLoopEnv)
-        if self._planner is None or self._planner.graph is not env.graph:
-            self._planner = Planner(env.graph)
-        goal, tolerance = env.goal.tolist(), env.goal_tolerance
-        plan = self._planner.plan(
-            env.state, goal, self._cost, goal_tolerance=tolerance, **self._options
-        ).plan
-        if plan is None or not plan.steps:
-            return len(mask) - 1
-        env.follow(plan)
-        limb, point = plan.actions[0]
-        return _action_numbers(env, [(limb, env.graph.grasp_map.index(point))])[0]
 
 
 def cost_of(env: MlivrEnv) -> Cost:

@@ -111,8 +111,8 @@ def filled(app: Any, docname: str, source: list[str]) -> None:
 
 
 PAGES = {
-    "mlivr_gym.envs.env.MlivrEnv": "MLIVR-JEM-v0",
-    "mlivr_gym.envs.vector_env.MlivrVectorEnv": "Vector environment",
+    "mlivr_gym.envs.MlivrEnv": "MLIVR-JEM-v0",
+    "mlivr_gym.envs.MlivrVectorEnv": "Vector environment",
 }
 """Classes whose docstrings are pages of their own."""
 

@@ -1,7 +1,7 @@
 """Plan a walk, print its steps, refine it, and draw it."""
 
 from mlivr_gym import stance_graph
-from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.pictures import plan_figure
 from mlivr_gym.planners import Planner
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)

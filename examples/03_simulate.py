@@ -2,7 +2,7 @@
 
 from mlivr_gym import stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation import execute
 
 graph = stance_graph()
 plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()

@@ -13,7 +13,7 @@ from sb3_contrib.common.maskable.utils import get_action_masks
 
 import mlivr_gym
 from mlivr_gym import jem_map
-from mlivr_gym.envs.task import Task
+from mlivr_gym.envs import Task
 
 START, GOAL, STEPS = ("D2a:4", "D2b:4"), (2.4, 0.6, 0.0), 16_000
 

@@ -11,7 +11,7 @@ from torch.distributions import Categorical
 
 import mlivr_gym  # registers the environment
 from mlivr_gym import jem_map
-from mlivr_gym.envs.task import Task
+from mlivr_gym.envs import Task
 
 COPIES, LENGTH, UPDATES, EPOCHS, BATCH = 64, 32, 60, 4, 512
 GAMMA, LAMBDA, CLIP, ENTROPY, RATE = 0.99, 0.95, 0.2, 0.01, 1e-3

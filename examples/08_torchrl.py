@@ -14,7 +14,7 @@ from torchrl.modules import MaskedCategorical
 
 import mlivr_gym
 from mlivr_gym import jem_map
-from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.envs import ActionMaskObservation
 
 torch.manual_seed(0)
 torch.set_num_threads(1)

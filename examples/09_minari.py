@@ -7,7 +7,7 @@ import minari
 import numpy as np
 
 from mlivr_gym import jem_map
-from mlivr_gym.agents.dataset import load_dataset, write_dataset
+from mlivr_gym.agents import load_dataset, write_dataset
 
 NAME = "mlivr/example/expert-v0"
 

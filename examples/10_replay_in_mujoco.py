@@ -11,10 +11,9 @@ import mujoco
 import numpy as np
 
 from mlivr_gym import stance_graph
-from mlivr_gym.motion.trajectory_files import save_csv
+from mlivr_gym.motion import save_csv
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.export import exported_model
-from mlivr_gym.simulation.timing import plan_trajectory
+from mlivr_gym.simulation import exported_model, plan_trajectory
 
 graph = stance_graph()
 plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "steps").unwrap()

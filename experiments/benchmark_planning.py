@@ -24,12 +24,11 @@ from reports import NOTHING, experiment, spread, table, timed, two_limb_graph
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.envs import sample_task
 from mlivr_gym.paper import default_setup
-from mlivr_gym.planners import Planner, PlanningResult, SearchOptions
-from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners import Cost, Planner, PlanningResult, SearchOptions
 from mlivr_gym.planners.query import DEFAULT_OPTIONS
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 COSTS = {"steps": "the fewest steps", "base": "least translation"}
 """Costs, and what their plans minimise."""

@@ -14,14 +14,12 @@ import numpy as np
 from reports import command_line, two_limb_graph
 
 from mlivr_gym import State
-from mlivr_gym.collisions.contacts import Configuration, Contact, contacts
-from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.collisions import Configuration, Contact
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.pictures import Camera, SceneRenderer, save_image, with_caption
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import rgba
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 SIZE = 900, 560
 """Width and height of each of the two pictures [px]."""

@@ -27,7 +27,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, MODES, PAPER, SETUP, case_graph
 from mlivr_gym.planners import Plan, Planner, SearchOptions
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
 """Candidate starts and goals lie within `RADIUS` of these base positions [m]."""

@@ -13,9 +13,9 @@ from typing import Any
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import stance_graph
-from mlivr_gym.closed_loop.cargo_mission import CargoMission, plan_cargo_mission
-from mlivr_gym.robot.cargo import Cargo
-from mlivr_gym.simulation.limits import PACES
+from mlivr_gym.extensions.cargo import CargoMission, plan_cargo_mission
+from mlivr_gym.robot import Cargo
+from mlivr_gym.simulation import PACES
 
 START, PICK, STOW = ("F3b:3", "F4a:2", "D3b:0"), "D2b:3", "F3b:6"
 """Points held at the start, and those on which the bag stands and shall stand."""

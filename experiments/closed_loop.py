@@ -20,25 +20,29 @@ from typing import Any, NamedTuple
 import numpy as np
 from reports import CORES, NOTHING, experiment, figures_of, study_rows, table
 
-from mlivr_gym import Box, State
+from mlivr_gym import Box, State, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.cli.main import main as command
-from mlivr_gym.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.closed_loop.loop import EFFORT, run_closed_loop
-from mlivr_gym.closed_loop.record import ARRIVED, FAILED, STOPPED
-from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.envs.unknown_things import BOXES, PLATES, unknown_things
+from mlivr_gym.envs import sample_task
 from mlivr_gym.errors import ShapeError
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.extensions.closed_loop import (
+    ARRIVED,
+    BOXES,
+    EFFORT,
+    PLATES,
+    STOPPED,
+    DepthCamera,
+    run_closed_loop,
+    unknown_things,
+)
+from mlivr_gym.extensions.closed_loop.record import FAILED
+from mlivr_gym.motion import Durations
+from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner, SearchOptions
+from mlivr_gym.robot import robot_spec
+from mlivr_gym.simulation import Setup, execute
 from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances import StanceGraph
 
 TOLERANCE = 0.2
 """Radius of the goal region [m]."""
@@ -165,7 +169,6 @@ def walk(task: int, mode: str) -> dict[str, Any]:
         "steps": record.steps, "duration": record.duration,
         "peak_force": record.peak_force,
         "replanning_times": record.replanning_times.tolist(),
-        "plans_ahead": len(record.times_ahead), "time_ahead": sum(record.times_ahead),
     }  # fmt: skip
 
 
@@ -195,7 +198,7 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
         "failure": "" if done.failure is None else done.failure.kind,
         "steps": len(done.captures), "duration": done.simulated_time,
         "peak_force": float(done.peaks.grasp_force.max()),
-        "replanning_times": [], "plans_ahead": 0, "time_ahead": 0.0,
+        "replanning_times": [],
     }  # fmt: skip
 
 
@@ -236,8 +239,6 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
     more = [w["steps"] for w in both], [w["in_hindsight"] for w in both]
     forces = [w["peak_force"] for w in walks]
     times = [1e3 * seconds for w in walks for seconds in w["replanning_times"]]
-    ahead = sum(w.get("plans_ahead", 0) for w in walks)
-    mean_ahead = 1e3 * sum(w.get("time_ahead", 0.0) for w in walks) / ahead if ahead else 0.0
     return [
         mode, str(len(walks)), str(outcomes[ARRIVED]), f"{len(stopped)} ({proved}, {true})",
         ", ".join(f"{kind} {count}" for kind, count in failures.most_common()) or "0",
@@ -246,15 +247,13 @@ def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:
         f"{np.mean(times):.0f}, {np.percentile(times, 95):.0f}, {max(times):.0f} "
         f"({sum(one > AIM for one in times)} of {len(times)})"
         if times else NOTHING,
-        f"{mean_ahead:.0f}" if ahead else NOTHING,
     ]  # fmt: skip
 
 
 HEAD = (
     "mode | walks | arrived | stopped (with a proof, with a true one) | failed | "
     "steps over those in hindsight | largest grasp force [N] (walks above 100 N) | "
-    f"replanning at a grasp: mean, 95 %, maximum [ms] (above {AIM:g} ms) | "
-    "during a step: mean [ms]"
+    f"replanning at a grasp: mean, 95 %, maximum [ms] (above {AIM:g} ms)"
 )
 
 
@@ -300,12 +299,12 @@ encoders {turn:g} degrees off, points {off:g} mm and {angle:g} degrees off, gras
 {ERRORS.stiffness:g} times as stiff or as soft, {ERRORS.acceleration:g} g, {delay:g} ms of delay,
 {refused:g} % of the grasps refused, and the others of `DisturbanceRanges`. The robot's own
 controller is `delayed` at the careful pace with errors, `full` at the fast one without; the paper's
-takes 50 s a step. A robot with cameras also plans once a second *during a step*, from where the
-step leads; *at the grasp* it goes on at once with what it knows and is still possible, and searches
-where nothing is. Planning times are those of one walk on each core. *Open loop* is the first plan,
-carried out without looking. A robot that stopped holds all its points; its proof is about what it
-has sensed, and true if no plan exists from there in the whole module either. *Boxes that are gone*
-are {BOXES} more boxes in which the robot believes until it looks through them.
+takes 50 s a step. At a grasp a robot with cameras goes on with what remains of its plan if that is
+still possible, and searches where it is not. Planning times are those of one walk on each core.
+*Open loop* is the first plan, carried out without looking. A robot that stopped holds all its
+points; its proof is about what it has sensed, and true if no plan exists from there in the whole
+module either. *Boxes that are gone* are {BOXES} more boxes in which the robot believes until it
+looks through them.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"

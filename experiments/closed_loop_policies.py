@@ -27,11 +27,8 @@ from reports import (
 from scipy.stats import binomtest
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import RandomPolicy, ReplanningPolicy
-from mlivr_gym.agents.policies import Policy
-from mlivr_gym.agents.policy_names import policy_by_name
-from mlivr_gym.envs.closed_loop import ClosedLoopEnv
-from mlivr_gym.envs.unknown_things import BOXES, PLATES
+from mlivr_gym.agents import Policy, RandomPolicy, policy_by_name
+from mlivr_gym.extensions.closed_loop import BOXES, PLATES, ClosedLoopEnv, ReplanningPolicy
 
 MOST_ACTIONS = 20
 """Actions after which an episode counts as failed."""

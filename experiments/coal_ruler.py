@@ -14,11 +14,11 @@ import numpy as np
 
 from mlivr_gym import Box, GraspMap
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.scene import scene_spec
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.collisions import Configuration
+from mlivr_gym.motion import Plan
+from mlivr_gym.robot import RobotSpec
+from mlivr_gym.simulation import scene_spec
+from mlivr_gym.stances import StanceGraph
 
 REQUEST = coal.DistanceRequest()
 PLATE, ROD = (1.5, 1.5, 0.0005), (0.0005, 0.3, 0.0005)

@@ -11,7 +11,7 @@ from reports import NOTHING, table, with_interval
 
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.pictures import save_figure
 
 NOT_MEASURED, NEVER_REACHED = "not measured", "goal never reached"
 """Words in the figure in place of missing values."""

@@ -16,24 +16,17 @@ from reports import GOAL, ROOT, START, two_limb_graph
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.kinematics.manipulability import limb_manipulability
-from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.motion.joint_path import PHASES, StepMotion
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.pictures.figures import point_colours, save_figure
-from mlivr_gym.pictures.map_views import (
-    FROM_ABOVE,
-    FROM_THE_SIDE,
-    View,
-    fill_parts,
-    flat_axes,
-)
+from mlivr_gym.kinematics import Angles, all_angles_at, limb_manipulability, pose
+from mlivr_gym.motion import PHASES, Plan
+from mlivr_gym.motion.joint_path import StepMotion
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.pictures.figures import point_colours
+from mlivr_gym.pictures.map_views import FROM_ABOVE, FROM_THE_SIDE, View, fill_parts, flat_axes
 from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot import LIMB_COLOURS
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""

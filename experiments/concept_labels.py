@@ -16,15 +16,12 @@ from matplotlib.patches import Rectangle
 from reports import GOAL, START, two_limb_graph
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.figures import save_figure
-from mlivr_gym.planners import Planner
-from mlivr_gym.planners.planner import GOAL_TOLERANCE
-from mlivr_gym.planners.query import Goal
+from mlivr_gym.extensions.viewer import states_of
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.planners import GOAL_TOLERANCE, Goal, Planner
 from mlivr_gym.planners.searches import GraphSearcher
-from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
-from mlivr_gym.viewer.live_plan import states_of
+from mlivr_gym.robot import LIMB_COLOURS
+from mlivr_gym.stances import State, TwoLimbGraph
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""

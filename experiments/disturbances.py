@@ -18,13 +18,13 @@ from dynamic_simulation import graph_and_plans
 from matplotlib.figure import Figure
 from reports import CORES, experiment, study_rows, table
 
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.motion import Durations
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.simulation import Limits, Setup, execute_many, success_rate
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, NONE
-from mlivr_gym.simulation.limits import GENTLE, Limits
-from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
-from mlivr_gym.simulation.setup import Setup
+from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.monte_carlo import RunOutcome
 
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""

@@ -8,8 +8,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from reports import counted, table
 
-from mlivr_gym.pictures.figures import save_figure
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.simulation import Limits
 
 CONTROLLERS = {"full": "guided", "feedforward": "feedforward", "paper": "the paper's PD"}
 PACES = {"fast": "fast", "quintic": "fast, quintics", "gentle": "gentle", "paper": "50 s"}

@@ -26,19 +26,19 @@ from dynamic_report import markdown, pace_figure
 from reports import CORES, case_3, experiment, study_rows
 from tqdm import tqdm
 
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym import stance_graph
+from mlivr_gym.envs import sample_task
 from mlivr_gym.errors import TimingError
-from mlivr_gym.motion.time_scaling import Durations, duration_of
-from mlivr_gym.pictures.simulation_figure import simulation_figure
+from mlivr_gym.motion import Durations
+from mlivr_gym.motion.time_scaling import duration_of
+from mlivr_gym.pictures import simulation_figure
 from mlivr_gym.planners import Plan, Planner
+from mlivr_gym.simulation import Execution, Limits, Setup, execute
 from mlivr_gym.simulation.controller import CONTROLLERS
-from mlivr_gym.simulation.execution import Execution, execute
-from mlivr_gym.simulation.limits import GENTLE, Limits
+from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.path_dynamics import segment_dynamics
-from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import shortest_scaling, step_trajectory
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances import StanceGraph
 
 PACES: dict[str, Limits | Durations] = {
     "paper": Durations(),

@@ -12,8 +12,8 @@ import gymnasium
 from reports import command_line
 
 from mlivr_gym.agents import evaluate, planner_policy
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.pictures.film import save_film
+from mlivr_gym.envs import MlivrEnv
+from mlivr_gym.pictures import save_film
 
 EPISODES = {"env_jem": ("MLIVR-JEM-v0", 4), "env_far": ("MLIVR-JEM-Far-v0", 1)}
 """Environment and seed of each film."""

@@ -18,12 +18,9 @@ import numpy as np
 from reports import CORES, NOTHING, experiment, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
-from mlivr_gym.errors import RobotError, StanceError
-from mlivr_gym.planners import Planner
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.errors import RobotError
+from mlivr_gym.extensions.failed_joints import reach_without
+from mlivr_gym.stances import TwoLimbGraph, random_state
 
 NAMES = ("mlivr2", "mlivr2-iiwa")
 """Robots that are compared."""
@@ -35,56 +32,6 @@ The wrist point then lies off the plane of the first two axes by at most the for
 is at most U L^2 / l_c^3 = 0.102.
 """
 
-TOLERANCE = 0.2
-"""Radius of a goal [m]."""
-
-SAME_ANGLE = 1e-3
-"""A joint within this of its angle counts as at it [rad]."""
-
-
-def joint_angles(graph: StanceGraph, state: State) -> np.ndarray:
-    """Return the angles of all joints of limb 0 [rad]."""
-    angles: np.ndarray = graph.robot.every_limb[0].all_angles(graph.configuration(state)[2][0])
-    return angles
-
-
-def reached_on_the_spot(
-    graph: TwoLimbGraph, state: State, joint: int, goals: np.ndarray
-) -> tuple[int, int]:
-    """Return the stances that limb 0 holds from where it is, and the goals at which they are."""
-    angle = joint_angles(graph, state)[joint - 1]
-    sharing = np.flatnonzero(graph.points[:, 0] == state.stance[0])
-    bases = []
-    for k in sharing.tolist():
-        stance = graph.points[k]
-        postures = graph.postures(stance[None])
-        for branch in range(8):
-            bits = np.array([[branch, int(postures.branch_sets[0, 1]).bit_length() - 1]])
-            there = graph.joints(stance[None], postures, bits)[0, 0, joint - 1]
-            if abs(np.angle(np.exp(1j * (there - angle)))) < SAME_ANGLE:
-                bases.append(postures.base_position[0])
-                break
-    apart = np.linalg.norm(np.array(bases)[:, None] - goals[None], axis=2)
-    return len(bases), int((apart <= TOLERANCE).any(axis=0).sum())
-
-
-def reached_with_the_joint_held(
-    graph: TwoLimbGraph, state: State, joint: int, goals: np.ndarray
-) -> tuple[int, int]:
-    """Return the stances of the robot that holds the joint, and the goals that it can reach."""
-    every = joint_angles(graph, state)
-    failed = stance_graph(
-        robot=graph.robot.with_failed_joint(0, joint, every[joint - 1]), settings=SETTINGS
-    )
-    position, quaternion, joints = graph.configuration(state)
-    joints[0] = failed.robot.every_limb[0].moving_angles(every)
-    try:
-        start = failed.state(graph.ids(state.stance), (*position, *quaternion), joints)
-    except StanceError:
-        return len(failed), 0
-    planner = Planner(failed)
-    return len(failed), sum(bool(planner.plan(start, goal, "steps").plan) for goal in goals)
-
 
 def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, Any]:
     """Return the shares of stances, or of starts, and of goals that a failed joint leaves."""
@@ -92,11 +39,9 @@ def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, A
     assert isinstance(graph, TwoLimbGraph)
     states = [random_state(graph, rng) for _ in range(starts)]
     places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
-    held = graph.robot.every_limb[0].held_joint
-    count = reached_on_the_spot if held is None else reached_with_the_joint_held
     out: dict[str, Any] = {"reason": None, "stances": None, "goals": None}
     try:
-        counts = np.array([count(graph, state, task + 1, places) for state in states])
+        counts = np.array([reach_without(graph, state, 0, task + 1, places) for state in states])
     except RobotError as fault:
         return out | {"reason": str(fault)}
     shares = counts.sum(axis=0) / (starts * np.array([len(graph), goals]))

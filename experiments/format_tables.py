@@ -15,8 +15,8 @@ from reports import table
 import mlivr_gym.robot.json_schema  # registers its kinds, as does the next
 import mlivr_gym.world.json_schema  # noqa: F401
 from mlivr_gym.json_schema import json_schema_of
+from mlivr_gym.motion import Trajectory
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
-from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
@@ -24,7 +24,7 @@ from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.visuals import VISUAL
 from mlivr_gym.schema import Struct
-from mlivr_gym.simulation.recording import Recording
+from mlivr_gym.simulation import Recording
 from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES
 from mlivr_gym.world.map_entries import MODULE, PART, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT

@@ -15,7 +15,7 @@ import numpy as np
 import rustworkx as rx
 from reports import timed
 
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 Path = list[int]
 

@@ -21,14 +21,10 @@ from reports import experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.motion.plan import Plan
-from mlivr_gym.pictures.figures import save_figure
-from mlivr_gym.planners import Planner
-from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.motion import Plan
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner
+from mlivr_gym.stances import ImplicitGraph, StanceGraph, State, random_state
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
@@ -89,7 +85,7 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
 
 def executed(graph: ImplicitGraph, plan: Plan) -> bool:
     """Return whether MuJoCo executes a plan without contact."""
-    from mlivr_gym.simulation.execution import execute  # loads GL
+    from mlivr_gym.simulation import execute  # loads GL
 
     return execute(graph, plan).failure is None
 

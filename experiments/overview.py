@@ -17,15 +17,13 @@ from matplotlib.lines import Line2D
 from reports import case_3, command_line
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR, save_figure
-from mlivr_gym.pictures.rendering import SceneRenderer
-from mlivr_gym.pictures.route import Route
+from mlivr_gym.pictures import Camera, Route, SceneRenderer, save_figure
+from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.scene_shapes import add_capsule, rgba
 from mlivr_gym.planners import Plan
-from mlivr_gym.robot.specification import LIMB_COLOURS
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.world.boxes import BOX, scene_name
+from mlivr_gym.robot import LIMB_COLOURS
+from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.world import BOX, scene_name
 
 WIDTH, HEIGHT, DPI = 1600, 725, 100
 """Size of the scene [px] and resolution of the figure [px/inch]."""

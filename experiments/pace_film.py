@@ -11,19 +11,11 @@ from __future__ import annotations
 import numpy as np
 from reports import case_3, command_line
 
-from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.film import (
-    default_speed,
-    film_pictures,
-    film_samples,
-    recording_shots,
-    save_film,
-)
+from mlivr_gym.motion import Durations
+from mlivr_gym.pictures import film_pictures, save_film, with_caption
+from mlivr_gym.pictures.films import default_speed, film_samples, recording_shots
+from mlivr_gym.simulation import Limits, Setup, execute
 from mlivr_gym.simulation.controller import FEEDFORWARD
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.setup import Setup
 
 SIZE = (400, 225)
 """Size of each half of a frame [px]."""

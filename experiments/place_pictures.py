@@ -17,15 +17,12 @@ from places import INFLATION
 from reports import ROOT, command_line
 
 from mlivr_gym import stance_graph
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.pictures.camera import FIELD_OF_VIEW, Camera
-from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
-from mlivr_gym.pictures.route import Route
+from mlivr_gym.envs import MlivrEnv
+from mlivr_gym.pictures import Camera, Route, SceneRenderer, save_image, with_caption
+from mlivr_gym.pictures.camera import FIELD_OF_VIEW
 from mlivr_gym.planners import Plan, Planner, SearchOptions
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.grasp_map import GraspMap, as_map
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.world import GraspMap, as_map
 
 SIZE = 760, 400
 """Width and height of a picture without its caption [px]."""

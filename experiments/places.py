@@ -16,14 +16,14 @@ import gymnasium
 import numpy as np
 from reports import CORES, ROOT, experiment, study_rows, table
 
-from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs import MlivrEnv
 from mlivr_gym.errors import MapError
 from mlivr_gym.files import read_json
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.lower_bounds import MAX_STEPS
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.world.grasp_map import PLACES, as_map
+from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.world import PLACES, as_map
 
 ENVIRONMENTS = {
     "jem": "MLIVR-JEM-v0", "uslab": "MLIVR-USLab-v0", "columbus": "MLIVR-Columbus-v0",

@@ -29,23 +29,24 @@ from train_policies import GRASP_FAILURE
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.agents import (
+    Evaluation,
     ExpertPolicy,
     Policy,
     RandomPolicy,
     baseline_policy,
     evaluate,
+    load_policy,
+    load_test_set,
     planner_policy,
 )
-from mlivr_gym.agents.evaluation import Evaluation
-from mlivr_gym.agents.learned import beam_policy, load_policy
-from mlivr_gym.agents.test_set import freeze_test_set, load_test_set
-from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.agents.learned import beam_policy
+from mlivr_gym.agents.test_set import freeze_test_set
+from mlivr_gym.envs import MlivrEnv
 from mlivr_gym.errors import PlanError
-from mlivr_gym.planners import Planner, SearchOptions
+from mlivr_gym.planners import Planner, SearchOptions, plan_of
 from mlivr_gym.planners.refinement import refined
-from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.transitions.state import State
+from mlivr_gym.simulation import execute
+from mlivr_gym.stances import State
 
 SIZES = {"same": 60, "half": 52, "dense": 50, "occupied": 50}
 """Number of tasks in each split."""

@@ -17,10 +17,16 @@ import numpy as np
 from reports import CORES, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import ExpertPolicy, RandomPolicy, evaluate
-from mlivr_gym.agents.evaluation import EvaluationTask, bootstrap
-from mlivr_gym.agents.policies import Policy, baseline_policy
-from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.agents import (
+    EvaluationTask,
+    ExpertPolicy,
+    Policy,
+    RandomPolicy,
+    baseline_policy,
+    evaluate,
+)
+from mlivr_gym.agents.evaluation import bootstrap
+from mlivr_gym.envs import MlivrEnv
 
 MOST_STEPS = 60
 """Steps after which an episode counts as failed."""

@@ -18,14 +18,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from reports import CORES, GOAL, START, experiment, graph_and_tasks, study_rows, table
 
+from mlivr_gym import stance_graph
 from mlivr_gym.arrays import BoolArray
-from mlivr_gym.fastest import ranked_plans, step_reactions
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.extensions.reaction import ranked_plans, step_reactions
+from mlivr_gym.extensions.station_load import station_load
+from mlivr_gym.pictures import save_figure
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.station_load import station_load
-from mlivr_gym.stances.build import stance_graph
+from mlivr_gym.simulation import Limits, execute
 
 SEED = 20270405
 """Seed of the random tasks."""

@@ -22,14 +22,13 @@ from random_layouts import fixed_tasks, protocol
 from reports import NOTHING, experiment, study_rows, table
 from tqdm import tqdm
 
-from mlivr_gym.agents import ExpertPolicy, RandomPolicy
+from mlivr_gym.agents import ExpertPolicy, LearnedPolicy, RandomPolicy
 from mlivr_gym.agents.hyperparameters import ImitationHyperparameters, load_hyperparameters
 from mlivr_gym.agents.imitation import Imitation
-from mlivr_gym.agents.learned import LearnedPolicy
 from mlivr_gym.agents.networks import actor_critic_class, make_actor_critic
 from mlivr_gym.agents.sb3_env import TableVecEnv
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.pictures.figures import save_figure
+from mlivr_gym.envs import MlivrEnv
+from mlivr_gym.pictures import save_figure
 
 METHODS = {"dagger": "DAgger", "bc": "cloning", "ppo": "masked PPO"}
 """Methods, and their names in tables."""

@@ -18,15 +18,12 @@ import numpy as np
 from tqdm import tqdm
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
-from mlivr_gym.envs.task import Task
-from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.envs import Task, sample_task
+from mlivr_gym.extensions.studies import Row, StudyDesign, read_study, run_study
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.studies import StudyDesign, read_study, run_study
-from mlivr_gym.studies.rows import Row
+from mlivr_gym.stances import StanceGraph, TwoLimbGraph
 
 ROOT = Path(__file__).parent.parent
 """Root folder of the repository."""

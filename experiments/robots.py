@@ -22,17 +22,13 @@ import numpy as np
 from reports import ROOT, by_level, experiment, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
-from mlivr_gym.collisions.contacts import Configuration
-from mlivr_gym.pictures.camera import Camera
-from mlivr_gym.pictures.captions import with_caption
-from mlivr_gym.pictures.figures import save_image
-from mlivr_gym.pictures.rendering import SceneRenderer
+from mlivr_gym.collisions import Configuration
+from mlivr_gym.pictures import Camera, SceneRenderer, save_image, with_caption
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot import ROBOTS
 from mlivr_gym.robot.limb_dynamics import arm_of
-from mlivr_gym.robot.specification import ROBOTS
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.simulation import Setup, execute
+from mlivr_gym.stances import StanceGraph
 
 
 class Walk(NamedTuple):

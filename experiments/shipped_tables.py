@@ -17,8 +17,7 @@ from reports import CORES, command_line, study_rows
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.stances.table_build import fill_rows, write_built
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph, fill_rows, write_built
 from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 SHIPPED = (

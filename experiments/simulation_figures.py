@@ -6,11 +6,10 @@ import numpy as np
 from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
+from mlivr_gym.simulation import PACES, Physics
 from mlivr_gym.simulation.controller import DELAYED, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import NONE
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.guidance import PATIENCE
-from mlivr_gym.simulation.limits import PACES
 
 LIMITS = {
     "torque": "fraction of each joint's largest torque",

@@ -16,15 +16,13 @@ from typing import Any
 import numpy as np
 from reports import CORES, case_3, experiment, study_rows, table
 
+from mlivr_gym import stance_graph
 from mlivr_gym.arrays import Array
-from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.pictures.simulation_figure import load_figure
+from mlivr_gym.envs import sample_task
+from mlivr_gym.extensions.station_load import STATION_MASS, load_figure, station_load
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import PACES
-from mlivr_gym.simulation.station_load import STATION_MASS, station_load
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.transitions.state import State
+from mlivr_gym.simulation import PACES, execute
+from mlivr_gym.stances import State
 
 SEED = 20270211
 """Seed of the random tasks."""

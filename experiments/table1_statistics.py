@@ -19,7 +19,7 @@ from mlivr_gym.cli.table1 import Start, row_of
 from mlivr_gym.errors import StanceError
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances import TwoLimbGraph
 
 LEAST = 3.0
 """Minimum distance of the goal from the base at the start [m]."""

@@ -16,9 +16,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from reports import CORES, experiment, graph_and_tasks, study_rows, table, two_limb_graph
 
-from mlivr_gym.pictures.figures import BASE_COLOUR, save_figure
+from mlivr_gym.extensions.viewer import states_of
+from mlivr_gym.pictures import save_figure
+from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.planners import Planner
-from mlivr_gym.viewer.live_plan import states_of
 
 PRICES = (0.0, 0.005, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 """Prices of a regrasp on the Pareto front [m]."""

@@ -22,7 +22,7 @@ from reports import CORES, counted, experiment, table
 from truth_collisions import study_clearance, study_collisions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
-from mlivr_gym.collisions.allowed_collisions import ALLOWED_COLLISIONS
+from mlivr_gym.collisions import ALLOWED_COLLISIONS
 
 Part = dict[str, Any]
 

@@ -22,15 +22,15 @@ from truth_walks import random_walk, whole_graph
 
 from mlivr_gym import Box, State
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.contacts import Configuration, capsule_ends, contacts
-from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.collisions import Configuration, LimbShapes, capsule_ends
+from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.compiled.bit_sets import bits_of
-from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.world.boxes import BOX, scene_name
+from mlivr_gym.envs import sample_task
+from mlivr_gym.planners import Plan, Planner, plan_of
+from mlivr_gym.simulation import scene_spec
+from mlivr_gym.simulation.scene import set_configuration
+from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.world import BOX, scene_name
 
 HALVES = {
     "rod": (0.0005, 0.0005, 0.3),

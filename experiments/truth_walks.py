@@ -16,18 +16,11 @@ from tqdm import tqdm
 from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.commitment import committed_motion
-from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.walks import plan_of
+from mlivr_gym.planners import Cost, Planner, SearchOptions, plan_of
 from mlivr_gym.settings import Settings
-from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.step_executor import StepExecutor
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.simulation import Setup, StepExecutor, execute
+from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, random_state
 from mlivr_gym.stances.step_tables import step_tables
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
 
 STEPS = 10
 """Steps of a random walk."""

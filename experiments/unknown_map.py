@@ -16,11 +16,9 @@ import numpy as np
 from reports import CORES, NOTHING, experiment, study_rows, table, with_interval
 
 import mlivr_gym  # noqa: F401
-from mlivr_gym.agents import LookingPolicy, RandomPolicy
+from mlivr_gym.agents import Policy, RandomPolicy, policy_by_name
 from mlivr_gym.agents.evaluation import bootstrap
-from mlivr_gym.agents.policies import Policy
-from mlivr_gym.agents.policy_names import policy_by_name
-from mlivr_gym.envs.unknown_map import UnknownMapEnv
+from mlivr_gym.extensions.closed_loop import LookingPolicy, UnknownMapEnv
 
 MOST_ACTIONS = 60
 """Actions after which an episode counts as failed."""

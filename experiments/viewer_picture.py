@@ -12,10 +12,8 @@ import shutil
 from reports import GOAL, START, command_line
 
 from mlivr_gym import stance_graph
+from mlivr_gym.extensions.viewer import LivePlan, Page, Viewer, add_panel
 from mlivr_gym.files import write_whole
-from mlivr_gym.viewer.live_plan import LivePlan
-from mlivr_gym.viewer.page import Page
-from mlivr_gym.viewer.viewer import Viewer, add_panel
 
 SHOWN = 5.0
 """Time along the plan that the picture shows [s]."""

@@ -1,33 +1,36 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR-Random-v0`, `MLIVR-JEM-Unknown-v0`, `MLIVR-JEM-ClosedLoop-v0`, `MLIVR-JEM-Cargo-v0`,
-`MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`,
-`MLIVR-Station-v0` and `MLIVR-Truss-v0`.
+`MLIVR-Random-v0`, `MLIVR-JEM-Cargo-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`,
+`MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`, `MLIVR-Station-v0`, `MLIVR-Truss-v0`, and those of the
+extensions.
 """
 
 import mlivr_gym._interrupts  # before what takes time
 
 # isort: split
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from gymnasium.envs.registration import register
 
 import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
-from mlivr_gym.errors import MlivrError
-from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.chain_limb import ChainLimb
-from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.specification import RobotSpec, robot_spec
-from mlivr_gym.settings import Settings
-from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.grasp_map import GraspMap, jem_map
+from mlivr_gym.extensions import environments
+from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
+    from mlivr_gym.errors import MlivrError
+    from mlivr_gym.planners.planner import Planner
+    from mlivr_gym.robot.capsules import Capsule
+    from mlivr_gym.robot.chain_limb import ChainLimb
+    from mlivr_gym.robot.limb import Limb
+    from mlivr_gym.robot.specification import RobotSpec, robot_spec
+    from mlivr_gym.settings import Settings
+    from mlivr_gym.simulation.execution import execute
     from mlivr_gym.stances.build import stance_graph
     from mlivr_gym.transitions.state import State
+    from mlivr_gym.world.boxes import Box
+    from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
 __all__ = [
     "Box",
@@ -36,26 +39,18 @@ __all__ = [
     "GraspMap",
     "Limb",
     "MlivrError",
+    "Planner",
     "RobotSpec",
     "Settings",
     "State",
     "__version__",
+    "execute",
     "jem_map",
     "robot_spec",
     "stance_graph",
 ]
 
-_COMPILED = {"State": "mlivr_gym.transitions.state", "stance_graph": "mlivr_gym.stances.build"}
-"""Public names whose modules import Numba, with those modules."""
-
-
-def __getattr__(name: str) -> Any:
-    """Import a public name on its first use if its module needs Numba, which loads slowly."""
-    if name not in _COMPILED:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(_COMPILED[name]), name)
-    return found
-
+__getattr__, __dir__ = lazy(__name__)
 
 register(
     id="MLIVR-JEM-v0",
@@ -82,17 +77,6 @@ register(
     entry_point="mlivr_gym.envs.env:MlivrEnv",
     max_episode_steps=100,
     kwargs={"tasks": "random"},
-)
-register(
-    id="MLIVR-JEM-Unknown-v0",
-    entry_point="mlivr_gym.envs.unknown_map:UnknownMapEnv",
-    max_episode_steps=100,
-)
-register(
-    id="MLIVR-JEM-ClosedLoop-v0",
-    entry_point="mlivr_gym.envs.closed_loop:ClosedLoopEnv",
-    max_episode_steps=100,
-    kwargs={"success_bonus": 100.0},
 )
 for _limbs in (3, 4):
     register(
@@ -124,3 +108,5 @@ register(
         "physics": "station",
     },
 )
+for _name, _arguments in environments().items():
+    register(id=_name, **_arguments)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,6 @@ from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
-from mlivr_gym.planners.failed_joints import start_with_failed_joints
 from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
@@ -125,7 +123,7 @@ class Planner(OnGraph):
             plan is proved within `options.inflation` (by default 1). The plan then depends on the
             speed of the machine.
         options
-            How the plan is searched for, and what has failed.
+            How the plan is searched for.
 
         Returns
         -------
@@ -138,15 +136,6 @@ class Planner(OnGraph):
             If an argument cannot be used, for example a point id that does not exist, start points
             too close together or too far apart, or a goal outside the cabin; the message names it.
         """
-        if options.failed_joints:
-            graph, (points, pose, joints) = start_with_failed_joints(
-                self.graph, options.failed_joints, (start, start_pose, start_joints)
-            )
-            return Planner(graph).plan(
-                points, goal, cost, regrasp_price=regrasp_price, goal_tolerance=goal_tolerance,
-                goal_face=goal_face, start_pose=pose, start_joints=joints, time_limit=time_limit,
-                options=replace(options, failed_joints=()),
-            )  # fmt: skip
         target = Goal.from_arguments(
             self.graph, goal, cost, regrasp_price, goal_tolerance, goal_face
         )

@@ -19,7 +19,6 @@ from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan_parts import Query
 from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
-from mlivr_gym.planners.failed_joints import FAILED_JOINTS, FailedJoint
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
@@ -161,11 +160,6 @@ class SearchOptions:
     progress: Annotated[Callable[[int], None] | None, OrNone(Function())] = None
     """Called from time to time with the number of expansions, by `"algorithm1"` and by searches
     that use no node table, see `searches`."""
-    failed_joints: Annotated[Sequence[FailedJoint], FAILED_JOINTS] = ()
-    """Joints that are locked from now on: for each the limb from 0, the joint of its arm from 1 and
-    the angle [rad], see `RobotSpec.with_failed_joint`. Start joints, and a state as start, are
-    those of the robot before; each failed joint must be at its angle there. The robot of the plan
-    is the one that results; its graph is built in each call."""
 
     def __post_init__(self) -> None:
         """Check and convert all fields."""

@@ -2,16 +2,13 @@
 
 Each rule is left out in turn (obstacles, collisions, thresholds, step checks) and the
 query repeated; then the rules are left out cumulatively in this order. The first relaxation with a
-plan gives the cause. How much must change at least is found by `smallest_change`.
+plan gives the cause.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
-
-import numpy as np
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
@@ -22,7 +19,6 @@ from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import in_same_world, stance_graph
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 OBSTACLES, THRESHOLDS = "obstacles and occupied points", "thresholds"
@@ -75,22 +71,6 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
     if name == OBSTACLES:
         return bool(graph.obstacles or graph.occupied)
     return all(getattr(graph.settings, key) for key in RULES[name][0])
-
-
-def goal_occupancy(graph: StanceGraph, goal: Sequence[float], tolerance: float) -> str:
-    """Return in words how many stances at a goal obstacles and occupied points take away.
-
-    These are the stances with the base at most `tolerance` away from the goal [m]. The text is
-    empty if none is taken away; so it is with more than two limbs, where they are not known.
-    """
-    if not isinstance(graph, TwoLimbGraph):
-        return ""
-    at_goal = np.linalg.norm(graph.base_position - np.array(goal), axis=1) <= tolerance
-    is_held = (graph.branch_sets[at_goal] > 0).all(axis=1)
-    count, taken = len(is_held), int(np.sum(~is_held))
-    if taken == count:
-        return "the goal is occupied" if count else ""
-    return f"{taken} of {count} stances at the goal are occupied" if taken else ""
 
 
 def _plan_exists(

@@ -1,5 +1,6 @@
 import json
 import os
+import shlex
 import sys
 
 if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
@@ -17,6 +18,7 @@ from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym.cli.main import main
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.planners import Planner
 
@@ -149,4 +151,24 @@ def ladder():
 def ladder_file(tmp_path):
     path = tmp_path / "map.json"
     path.write_text(json.dumps(LADDER))
+    return path
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs a command, a line or its words; returns its exit code and what both streams got."""
+
+    def run_command(*arguments):
+        arguments = shlex.split(arguments[0]) if len(arguments) == 1 else arguments
+        code = main(list(arguments))
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return run_command
+
+
+@pytest.fixture(scope="module")
+def plan_file(walk, tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "plan.json"
+    walk.save(path)
     return path

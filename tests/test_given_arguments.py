@@ -93,14 +93,14 @@ def own_folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv(CACHE_VARIABLE, str(tmp_path_factory.mktemp("cache")))
         # What is drawn is not looked at here.
-        drawn = "mlivr_gym.pictures.plan_figure"
+        drawn = "mlivr_gym.pictures.plan_figures"
         for name in ("solids", "base_path"):
             patch.setattr(f"{drawn}.MapViews.{name}", lambda *_, **__: None)
         patch.setattr(f"{drawn}.save_figure", lambda figure, path, **_: write_whole(path, b""))
         patch.setattr(f"{drawn}.MapViews", cache(MapViews))
         picture = np.zeros((16, 32, 3), np.uint8)
-        for name in ("film", "closed_loop_film"):
-            patch.setattr(f"mlivr_gym.pictures.{name}.film_pictures", lambda *_, **__: [picture])
+        for name in ("pictures.films", "extensions.closed_loop.film"):
+            patch.setattr(f"mlivr_gym.{name}.film_pictures", lambda *_, **__: [picture])
         yield patch
 
 

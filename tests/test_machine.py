@@ -36,7 +36,7 @@ for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
         print(module.name)
 """
 
-NEED_EXTRAS = ("mlivr_gym.agents.", "mlivr_gym.viewer.", "mlivr_gym.envs.dm_env")
+NEED_EXTRAS = ("mlivr_gym.agents.", "mlivr_gym.extensions.viewer.", "mlivr_gym.envs.dm_env")
 """What cannot be imported without an extra; all else says in words what is missing, when used."""
 
 

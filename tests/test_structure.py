@@ -12,12 +12,11 @@ PACKAGE = ROOT / "mlivr_gym"
 
 LAYERS = (
     {"experiments", "__main__"},
+    {"an extension"},
     {"cli"},
-    {"viewer", "studies"},
     {"agents"},
     {"envs"},
     {"pictures"},
-    {"fastest", "closed_loop"},
     {"planners", "simulation"},
     {"motion", "paper"},
     {"stances"},
@@ -31,7 +30,7 @@ LAYERS = (
     {"schema", "engines"},
     {"values", "extras"},
     {"compiled", "errors", "sharing"},
-    {"envs_assets", "_version", "_headless", "_interrupts", "arrays"},
+    {"envs_assets", "extensions", "lazy", "_version", "_headless", "_interrupts", "arrays"},
 )
 """From the top down; what stands in one line does not import its neighbours either."""
 
@@ -102,6 +101,12 @@ def imports_of(path):
     return inside & known_modules()
 
 
+def part_of(module):
+    """The line of `LAYERS` on which a module stands; `extensions` itself only lists folders."""
+    first, *rest = module.split(".")
+    return "an extension" if first == "extensions" and rest else first
+
+
 def functions(path):
     """Functions of a file, the outermost of nested ones, with their class."""
     for node in tree_of(path).body:
@@ -157,11 +162,31 @@ def test_imports_run_downwards_only():
     upward = set()
     for path in sources():
         module = module_of(path)
-        here = module.split(".")[0]
+        here = part_of(module)
         for other in imports_of(path) if module else ():
-            there = other.split(".")[0]
+            there = part_of(other)
             upward |= {(module, other)} if there != here and LEVEL[there] >= LEVEL[here] else set()
     assert not upward
+
+
+def test_an_extension_imports_no_other():
+    extension = re.compile(r"extensions\.\w+")
+    for path in sources():
+        here = extension.match(module_of(path))
+        others = {found[0] for found in map(extension.match, imports_of(path)) if found}
+        assert not here or others <= {here[0]}
+
+
+MOST_OF_EXTENSIONS = {"closed_loop": 2620, "viewer": 1080, "cargo": 960}
+"""Lines of an extension, else 600."""
+
+
+def test_extensions_are_small():
+    lines = {}
+    for path in (PACKAGE / "extensions").glob("*/*.py"):
+        count = len(path.read_text(encoding="utf-8").splitlines())
+        lines[path.parent.name] = lines.get(path.parent.name, 0) + count
+    assert not {name: n for name, n in lines.items() if n > MOST_OF_EXTENSIONS.get(name, 600)}
 
 
 def test_an_arm_is_asked_through_its_inverse_kinematics_alone():
@@ -181,8 +206,11 @@ def test_what_results_are_compared_with_is_needed_by_tests_and_experiments_alone
 
 
 def test_no_circle():
+    """What a package shows is imported when it is asked for (`lazy`)."""
     graph = networkx.DiGraph()
     for path in sources():
+        if path.name == "__init__.py":
+            continue
         graph.add_edges_from((module_of(path), other) for other in imports_of(path))
     circles = [
         sorted(part) for part in networkx.strongly_connected_components(graph) if len(part) > 1

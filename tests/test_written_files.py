@@ -10,7 +10,7 @@ import pytest
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.pictures.figures import new_figure, save_figure, save_image
-from mlivr_gym.pictures.film import save_film
+from mlivr_gym.pictures.films import save_film
 from mlivr_gym.robot.export import as_mjcf, as_urdf
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.timing import step_trajectory

@@ -40,9 +40,6 @@ THREADS = Integer(1, 1024)
 LIMIT = Integer(1, MAX_EXPANSIONS)
 """Valid numbers of states that a search may expand."""
 
-COMPARED_COSTS = ("time", "reaction")
-"""Values of `--cost` for which several plans are compared, see `mlivr_gym.fastest`."""
-
 BOXES: dict[str, Any] = {"type": float, "action": "append"}
 """Arguments of `add_argument` for an option of numbers that may be repeated, such as `--box`."""
 
@@ -130,8 +127,6 @@ def world_options(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
     option(parser, "--cargo KG X Y Z", text, valid=Reader(cargo_of), type=float)
-    text = "number of the limb that holds the cargo, folded, while the others walk (default: none)"
-    option(parser, "--cargo-limb LIMB", text, type=int)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
     option(parser, "--map MAP", text)
     text = "unit of the lengths in the file of --map that does not name one (default: m)"
@@ -174,11 +169,7 @@ def query_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     option(parser, "--goal-face FACE", "face whose points all limbs must hold at the goal")
-    text = (
-        "cost to minimise; of several plans, time chooses the fastest and reaction the one with "
-        "the least impulse on the station"
-    )
-    option(parser, "--cost COST", text, "base", Choice((*COSTS, *COMPARED_COSTS)))
+    option(parser, "--cost COST", "cost to minimise", "base", Choice(COSTS))
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
     option(parser, "--regrasp-price M", text, type=float)
     option(parser, "--method METHOD", "search method", "astar", Choice(METHODS))

@@ -9,7 +9,7 @@ from pathlib import Path
 from mlivr_gym.cli.arguments import option
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RenderError
-from mlivr_gym.pictures.film import (
+from mlivr_gym.pictures.films import (
     DEFAULT_SIZE,
     MAX_FILM_DURATION,
     RATE,

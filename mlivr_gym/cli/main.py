@@ -11,13 +11,13 @@ import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
 from mlivr_gym import __version__
 from mlivr_gym._interrupts import INTERRUPTED, is_command, silence
-from mlivr_gym.cli.examples import examples
+from mlivr_gym.cli.commands import COMMANDS
 from mlivr_gym.cli.exits import (
     EXIT_CODES,
     FAILED,
@@ -28,34 +28,23 @@ from mlivr_gym.cli.exits import (
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.errors import MlivrError, NoPlanError, SettingError
+from mlivr_gym.cli.help import CommandParser
+from mlivr_gym.errors import MlivrError, NoPlanError
+from mlivr_gym.extensions import commands
 
-COMMANDS = {
-    "plan": "plan a path from a start stance to a goal position",
-    "simulate": "execute a plan in MuJoCo",
-    "walk": "walk through a partly unknown module, sensing and replanning",
-    "carry": "pick a bag up, carry it with one limb and stow it, in MuJoCo",
-    "table1": "reproduce the four cases of the paper's Table I",
-    "info": "describe a map, a robot and their stance graph",
-    "render": "draw the robot in a stance, or a plan",
-    "view": "show a plan in the browser and change it there",
-    "train": "train a policy",
-    "evaluate": "evaluate a policy or a planner",
-    "study": "run a study over robots, maps, settings and tasks",
-    "dataset": "write episodes of the expert as a Minari data set",
-    "warmup": "compile the code that the first plan needs",
-    "build": "compute the complete table of a robot on a map",
-    "cache": "list or remove the tables and machine code stored between runs",
-    "doctor": "check this installation: versions, extras, rendering, compiled code",
-}
-"""Help line of each command, in the order of the help; the module of that name implements it."""
+SHOWN = ("plan", "render", "simulate", "evaluate")
+"""Commands whose examples the help of the program shows."""
 
 
-class _Parser(argparse.ArgumentParser):
-    """Argument parser that reports an error in one line, and where the usage is explained."""
+def every_command() -> dict[str, tuple[str, tuple[str, ...]]]:
+    """Return the module of each command, and its help line with examples."""
+    core = {name: (f"mlivr_gym.cli.{name}", lines) for name, lines in COMMANDS.items()}
+    return core | commands()
 
-    def error(self, message: str) -> NoReturn:
-        raise SettingError(f"{message}; see `{self.prog} --help`")
+
+def examples(lines: Sequence[str]) -> str:
+    """Return example command lines as the last paragraph of a help text."""
+    return "examples:\n" + "".join(f"  {line}\n" for line in lines)
 
 
 def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
@@ -63,30 +52,26 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
 
     Only the modules of these are imported, since importing Numba and others takes a second.
     """
-    parser: argparse.ArgumentParser = _Parser(
+    shown = [line for name in SHOWN for line in COMMANDS[name][1:]]
+    parser: argparse.ArgumentParser = CommandParser(
         prog="mlivr-gym",
+        usage="%(prog)s COMMAND [OPTION ...]",
         description="Plan, simulate and learn how a robot with several limbs climbs hand over "
         "hand through a space station module.",
-        epilog=f"{examples('plan', 'render', 'simulate', 'evaluate')}\n{EXIT_CODES}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog=f"{examples(shown)}\n{EXIT_CODES}",
     )
     # `grace`, and `default` and `commands` below, are no options but values for the commands:
     # the time to end after Ctrl-C, a function of an option's name, and all parsers by name.
     parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, summary in COMMANDS.items():
-        added = commands.add_parser(
-            name,
-            help=summary,
-            epilog=examples(name),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
-        )
-        added.set_defaults(default=added.get_default, commands=commands.choices)
+    choices = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, (place, (summary, *lines)) in every_command().items():
+        added = choices.add_parser(name, help=summary, epilog=examples(lines))
+        added.set_defaults(default=added.get_default, commands=choices.choices)
         if name in given:
             from mlivr_gym.cli.arguments import output_options
 
-            module = import_module(f"mlivr_gym.cli.{name}")
+            module = import_module(place)
             added.description = inspect.getdoc(module.run)
             added.set_defaults(run=module.run)
             if hasattr(module, "add_options"):

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mlivr_gym.cli.arguments import (
-    COMPARED_COSTS,
     chosen_graph,
     chosen_map,
     chosen_task,
@@ -21,18 +19,14 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
-from mlivr_gym.errors import NoPlanError, SettingError
+from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.planners.smallest_change import smallest_changes
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-
-if TYPE_CHECKING:
-    from mlivr_gym.fastest import Candidate
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -44,9 +38,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--picture FILE", "draw the plan to a PNG file and an SVG file of that name")
     text = "shorten the base path afterwards by other base poses on the same footholds"
     option(parser, "--refined", text)
-    text = "if there is no plan, say what would help: fewer obstacles or a lower threshold of w_m "
-    text += "(two limbs)"
-    option(parser, "--suggest", text)
 
 
 def run(args: argparse.Namespace) -> None:
@@ -57,15 +48,7 @@ def run(args: argparse.Namespace) -> None:
     """
     pictures = figure_files(args.picture) if args.picture is not None else ()
     check_outputs(args.out, *pictures, inputs=input_files(args))
-    if args.cost == "reaction":
-        refuse_without_effect(
-            args, "with --cost reaction, which has base poses of its own", "refined"
-        )
     graph = chosen_graph(args)
-    if args.suggest and graph.limbs > 2:
-        raise SettingError(
-            f"--suggest needs two limbs; robot {graph.robot.name!r} has {graph.limbs}"
-        )
     result = find_plan(graph, args)
     plan = result.unwrap()
     if args.refined:
@@ -79,7 +62,7 @@ def run(args: argparse.Namespace) -> None:
             plan.save(args.out)
             print(f"plan: {args.out}")
         if pictures:
-            from mlivr_gym.pictures.plan_figure import plan_figure  # imports matplotlib
+            from mlivr_gym.pictures.plan_figures import plan_figure  # imports matplotlib
 
             title = f"{plan.world.robot.name}, {plan.query.cost_name} cost"
             plan_figure(chosen_map(args), plan, args.picture, result.tree, title)
@@ -111,55 +94,6 @@ def summary_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def best_candidate(
-    planner: Planner, start: tuple[str, ...], goal: tuple[float, ...], args: argparse.Namespace
-) -> Candidate | None:
-    """Return the best candidate for the costs time and reaction, and print those compared.
-
-    For other costs the search needs no candidates, and None is returned.
-    """
-    if args.cost not in COMPARED_COSTS:
-        return None
-    from mlivr_gym import fastest  # imports MuJoCo, hence GL
-
-    without = (
-        "regrasp_price", "method", "heuristic", "inflation", "time_limit", "start_pose",
-        "start_joints",
-    )  # fmt: skip
-    refuse_without_effect(args, f"with --cost {args.cost}", *without)
-    with Progress("comparing plans", quiet=args.quiet):
-        compared = fastest.ranked_plans(
-            planner, start, goal, best=args.cost,
-            goal_tolerance=args.tolerance, goal_face=args.goal_face,
-        )  # fmt: skip
-    for one in compared:
-        price = "" if one.price is None else f", regrasp price {one.price:g} m"
-        print(
-            f"  {one.seconds:5.1f} s, {one.impulse:4.0f} N s, at most {one.peak_force:3.0f} N: "
-            f"{len(one.plan.steps)} steps, {one.plan.base_translation:.3f} m "
-            f"(optimal for cost {one.cost}{price})"
-        )
-    return compared[0]
-
-
-def suggestions(
-    graph: StanceGraph,
-    start: tuple[str, ...],
-    goal: tuple[float, ...],
-    args: argparse.Namespace,
-) -> str:
-    """Return in words which changes would make the goal reachable, and store them as data."""
-    query: Any = {"goal_tolerance": args.tolerance, "goal_face": args.goal_face}
-    with Progress("trying changes", quiet=args.quiet):
-        found = smallest_changes(graph, start, goal, **query)
-    args.result["suggestions"] = [change._asdict() for change in found]
-    if not found:
-        return "no change of one kind would help: obstacles or limb_threshold"
-    return "smallest changes with which a plan exists: " + "; ".join(
-        f"{k}. {change.message}" for k, change in enumerate(found, 1)
-    )
-
-
 def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
@@ -180,28 +114,15 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
             name = "computing the stance sets [%]"
             with Progress(name, PER_CENT, quiet=args.quiet) as progress:
                 graph.sets(progress.show_share)
-    planner, cost, price = Planner(graph), args.cost, args.regrasp_price
-    best = None
-    with suppress(NoPlanError):  # the search below says why there is no plan
-        best = best_candidate(planner, start, goal, args)
-    if best is not None:
-        cost, price = best.cost, best.price
-    elif cost in COMPARED_COSTS:
-        cost = "steps"
-    given = search_options(args)
+    planner, given = Planner(graph), search_options(args)
     with Progress(expanded, quiet=args.quiet) as progress:
         given["options"] = replace(given["options"], progress=progress.show)
-        result = planner.plan(start, goal, cost, regrasp_price=price, **given)
+        result = planner.plan(start, goal, args.cost, regrasp_price=args.regrasp_price, **given)
     if result.reason in PROVED_IMPOSSIBLE:
         query = {name: given[name] for name in ("goal_face", "start_pose", "start_joints")}
         with Progress("searching for the cause", quiet=args.quiet):
             cause = planner.why_not(start, goal, goal_tolerance=args.tolerance, **query)
-        found = list(dict.fromkeys([result.message, cause.message]))
-        if "suggest" in args and args.suggest:
-            found.append(suggestions(graph, start, goal, args))
-        raise NoPlanError("; ".join(found))
-    if best is not None:
-        result = replace(result, plan=best.plan)
+        raise NoPlanError("; ".join(dict.fromkeys([result.message, cause.message])))
     print_plan(graph, result, start, goal)
     return result
 

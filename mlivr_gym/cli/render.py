@@ -23,7 +23,7 @@ from mlivr_gym.errors import RenderError, SettingError
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.figures import check_ending, save_image
-from mlivr_gym.pictures.plan_figure import configuration_figure
+from mlivr_gym.pictures.plan_figures import configuration_figure
 from mlivr_gym.pictures.rendering import SIZE, SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Plan

@@ -6,21 +6,16 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from mlivr_gym.collisions.carrying import carrying_robot
+from mlivr_gym.arguments import ANY_NUMBER
 from mlivr_gym.errors import SettingError
-from mlivr_gym.planners.failed_joints import (
-    FAILED_JOINT,
-    FailedJoint,
-    robot_with_failed_joints,
-)
 from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
-from mlivr_gym.robot.specification import SUFFIXES, RobotSpec, robot_spec
-from mlivr_gym.schema import FieldPath
+from mlivr_gym.robot.specification import MOST_LIMBS, SUFFIXES, RobotSpec, robot_spec
+from mlivr_gym.schema import FieldPath, Integer
 
 OF_FILES = ("held_joint", "held_angle", "tool_frame", "package_dir")
 """Options that only the file of a robot without a mount or a held joint needs."""
 
-OF_ROBOT = (*OF_FILES, "failed_joint", "cargo_limb")
+OF_ROBOT = (*OF_FILES, "failed_joint")
 """Options that make a robot another than that of `--robot`."""
 
 NONE = "none"
@@ -32,10 +27,14 @@ def cargo_of(given: Any, place: FieldPath) -> Cargo:
     return CARGO.read({"mass": given[0], "size": given[1:]}, place)
 
 
-def failed_joint_of(given: Any, place: FieldPath) -> FailedJoint:
-    """Return the joint that has failed of limb, joint and angle [rad], all numbers."""
-    numbers = [int(one) if one.is_integer() else one for one in given[:2]]
-    return FAILED_JOINT.read((*numbers, given[2]), place)
+def failed_joint_of(given: Any, place: FieldPath) -> tuple[int, int, float]:
+    """Return limb, joint and angle [rad] of a joint that has failed, of three numbers."""
+    limb, joint = (int(one) if one.is_integer() else one for one in given[:2])
+    return (
+        Integer(0, MOST_LIMBS).read(limb, place.entry(0)),
+        Integer(1, 7).read(joint, place.entry(1)),
+        float(ANY_NUMBER.read(given[2], place.entry(2))),
+    )
 
 
 def described_robot(args: argparse.Namespace) -> RobotSpec:
@@ -50,7 +49,9 @@ def described_robot(args: argparse.Namespace) -> RobotSpec:
         )
     else:
         robot = RobotSpec.from_urdf(args.robot, **_as_arguments(given))
-    return robot_with_failed_joints(robot, args.failed_joint)
+    for failed in args.failed_joint:
+        robot = robot.with_failed_joint(*failed)
+    return robot
 
 
 def _as_arguments(given: dict[str, list[str]]) -> dict[str, Any]:
@@ -77,9 +78,4 @@ def _number(word: str | None) -> Any:
 
 def chosen_robot(args: argparse.Namespace) -> RobotSpec:
     """Return the robot of all options, with the cargo of `--cargo`."""
-    robot = described_robot(args)
-    if args.cargo_limb is None:
-        return carrying(robot, args.cargo)
-    if args.cargo is None:
-        raise SettingError("--cargo-limb has no effect without --cargo; leave it out")
-    return carrying_robot(robot, args.cargo_limb, args.cargo)
+    return carrying(described_robot(args), args.cargo)

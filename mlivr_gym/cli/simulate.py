@@ -32,8 +32,8 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.paper import CASES, case_graph, default_setup
-from mlivr_gym.pictures.film import check_film_format, film
-from mlivr_gym.pictures.simulation_figure import load_figure, simulation_figure
+from mlivr_gym.pictures.films import check_film_format, film
+from mlivr_gym.pictures.simulation_figures import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import Choice, Integer, Tuples
 from mlivr_gym.stances.build import stance_graph
@@ -55,9 +55,6 @@ FILES = (
     "simulation.svg",
 )
 """Files that the command writes in addition to the film."""
-
-LOAD_FILES = ("station.png", "station.svg")
-"""Files that it writes if the mass of a station is given."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -86,8 +83,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     option(parser, "--disturbances WHICH", text, "none", Choice(("none", "all")))
     option(parser, "--seed N", "seed of the disturbances", 1, SEED)
-    text = "mass of a station; draw what it feels of the walk, and compare it with the limits"
-    option(parser, "--station-mass KG", text, valid=Tuples((), 1.0, 1e9, "kg"))
     option(parser, "--out FOLDER", "folder of the results", "walk")
     text, rates = "sampling rate of the trajectory files [Hz]", Tuples((), 0.5, 2000.0, "Hz")
     option(parser, "--rate HZ", text, 10.0, rates)
@@ -111,7 +106,6 @@ def run(args: argparse.Namespace) -> int:
     if args.case:
         refuse_ignored(args, "case", ("no_collisions",))
     files = [*FILES, *([] if args.no_film else [args.film])]
-    files += [] if args.station_mass is None else LOAD_FILES
     inputs = input_files(args)
     if _keeps_plan_file(args):  # it stays as it is
         files.remove("plan.json")
@@ -154,8 +148,6 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
         save_npz(trajectory, out / "trajectory.npz")
         save_ros(trajectory, out / "trajectory.yaml")
         _save(execution, out)
-        if args.station_mass is not None:
-            _show_load(args, execution, out)
         if not args.no_film:
             _film(args, graph, execution, out / args.film)
     return SUCCESS if execution.failure is None else FAILED
@@ -231,25 +223,6 @@ def _save(execution: Execution, out: Path) -> None:
     simulation_figure(execution.recording, execution.captures, execution.failure, plot, title)
     print(f"measurements: {archive.with_suffix('.json')}, {archive}")
     print(f"plot: {plot}, {plot.with_suffix('.svg')}")
-
-
-def _show_load(args: argparse.Namespace, execution: Execution, out: Path) -> None:
-    """Print and draw what the station feels of the walk."""
-    from mlivr_gym.simulation.station_load import station_load
-
-    load, mass = station_load(execution.recording, args.station_mass), args.station_mass
-    print(
-        f"a station of {mass:,.0f} kg feels at most {load.peak_forces.max():.1f} N and an impulse "
-        f"of {load.impulses.max():.1f} N s,\n"
-        f"  {load.peak_torques.max():.1f} N m about the origin of the module and an angular "
-        f"impulse of {load.angular_impulses.max():.1f} N m s;\n"
-        f"  its acceleration is at most {load.largest_ratio:.2f} times the limit of a one-third "
-        "octave band"
-    )
-    load_figure(load, out / LOAD_FILES[0], f"{len(execution.plan.steps)} steps, {mass:,.0f} kg")
-    print(f"load on the station: {out / LOAD_FILES[0]}, {out / LOAD_FILES[1]}")
-    args.result |= {"station_load": load.to_dict()}
-    args.result["files"] += LOAD_FILES
 
 
 def _film(

@@ -32,7 +32,7 @@ from mlivr_gym.paper import (
     relations,
     unlimited,
 )
-from mlivr_gym.pictures.plan_figure import plan_figure
+from mlivr_gym.pictures.plan_figures import plan_figure
 from mlivr_gym.planners import Plan, Planner, SearchOptions
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings

@@ -14,7 +14,7 @@ from mlivr_gym.collisions.contacts import Configuration
 from mlivr_gym.envs.snapshots import Snapshot, snapshot_frames
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.captions import strip_height, with_caption
-from mlivr_gym.pictures.film import AZIMUTH, ELEVATION, RATE
+from mlivr_gym.pictures.films import AZIMUTH, ELEVATION, RATE
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.stances.stance_graph import StanceGraph

@@ -13,7 +13,7 @@ from mlivr_gym.arguments import FileName, Function, Reader, checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
-from mlivr_gym.pictures.film import RATE
+from mlivr_gym.pictures.films import RATE
 from mlivr_gym.schema import NAME, FieldPath, Flag, Integer, OrNone
 from mlivr_gym.sharing import Independent
 

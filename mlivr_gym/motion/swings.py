@@ -3,7 +3,7 @@
 A swing is a chain of swing knots, each with the place of the base on its way, from 0 to 1, and the
 six joint angles of the limb; between them both change linearly, and at each the robot is at rest.
 Of the candidates along which the robot keeps the clearance the first is taken, unless a plan is to
-have little reaction (`mlivr_gym.fastest`):
+have little reaction (`mlivr_gym.extensions.reaction.fastest`):
 
 * `direct`: one line in joint space while the base moves;
 * `over`: two lines through one of the robot's folds, while the base moves;

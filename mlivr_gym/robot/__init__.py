@@ -1,1 +1,44 @@
-"""What a robot is made of."""
+"""What a robot is made of: limbs on a body, their shapes, masses, limits, and their files.
+
+A `RobotSpec` has it all; all else here is a part of one.
+"""
+
+from typing import TYPE_CHECKING
+
+from mlivr_gym.lazy import lazy
+
+if TYPE_CHECKING:
+    from mlivr_gym.robot.capsules import Capsule
+    from mlivr_gym.robot.cargo import Cargo, LockedLimb
+    from mlivr_gym.robot.chain_limb import ChainLimb
+    from mlivr_gym.robot.from_file import read_robot
+    from mlivr_gym.robot.limb import Limb
+    from mlivr_gym.robot.limb_dynamics import LimbDynamics
+    from mlivr_gym.robot.rigid import RigidBody
+    from mlivr_gym.robot.specification import (
+        LIMB_COLOURS,
+        MOST_LIMBS,
+        ROBOTS,
+        RobotSpec,
+        robot_spec,
+    )
+    from mlivr_gym.robot.visuals import Visual
+
+__all__ = [
+    "LIMB_COLOURS",
+    "MOST_LIMBS",
+    "ROBOTS",
+    "Capsule",
+    "Cargo",
+    "ChainLimb",
+    "Limb",
+    "LimbDynamics",
+    "LockedLimb",
+    "RigidBody",
+    "RobotSpec",
+    "Visual",
+    "read_robot",
+    "robot_spec",
+]
+
+__getattr__, __dir__ = lazy(__name__)

@@ -80,8 +80,8 @@ class Cargo:
     """Inertia about its middle, xx, yy, zz, xy, xz, yz [kg m^2]; None for that of a homogeneous
     box."""
     limb: Annotated[LockedLimb | None, OrNone(LOCKED_LIMB)] = None
-    """The locked limb that holds the box, see `mlivr_gym.collisions.carrying.carrying_robot`; None
-    for a box on the body."""
+    """The locked limb that holds the box, see `mlivr_gym.extensions.cargo`; None for a box on the
+    body."""
 
     def __post_init__(self) -> None:
         """Check every figure."""

@@ -1,1 +1,42 @@
-"""Dynamic simulation of plans in MuJoCo."""
+"""Plans carried out in MuJoCo: scene, robot, controller, execution, disturbances, record.
+
+`execute` carries a plan out; a `Setup` chooses pace, controller, physics and disturbances.
+"""
+
+from typing import TYPE_CHECKING
+
+from mlivr_gym.lazy import lazy
+
+if TYPE_CHECKING:
+    from mlivr_gym.simulation.disturbances import DisturbanceRanges
+    from mlivr_gym.simulation.dynamics import Physics
+    from mlivr_gym.simulation.execution import Execution, execute
+    from mlivr_gym.simulation.export import exported_model
+    from mlivr_gym.simulation.limits import PACES, Limits
+    from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
+    from mlivr_gym.simulation.recording import Recording
+    from mlivr_gym.simulation.scene import scene_spec
+    from mlivr_gym.simulation.setup import Setup
+    from mlivr_gym.simulation.simulator import Simulation
+    from mlivr_gym.simulation.step_executor import StepExecutor
+    from mlivr_gym.simulation.timing import plan_trajectory
+
+__all__ = [
+    "PACES",
+    "DisturbanceRanges",
+    "Execution",
+    "Limits",
+    "Physics",
+    "Recording",
+    "Setup",
+    "Simulation",
+    "StepExecutor",
+    "execute",
+    "execute_many",
+    "exported_model",
+    "plan_trajectory",
+    "scene_spec",
+    "success_rate",
+]
+
+__getattr__, __dir__ = lazy(__name__)

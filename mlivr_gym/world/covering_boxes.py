@@ -16,8 +16,8 @@ from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import NAME, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH, MIN_SIZE, as_triple
 from mlivr_gym.world.boxes import CORNER, Box
-from mlivr_gym.world.mesh_boxes import MOST_CUBES, RESOLUTION
 from mlivr_gym.world.mesh_plates import merged_neighbours
+from mlivr_gym.world.meshes import MOST_CUBES, RESOLUTION
 
 MOST_POINTS = 10_000_000
 """Maximum number of points of a cloud."""

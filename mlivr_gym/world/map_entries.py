@@ -25,7 +25,7 @@ from mlivr_gym.schema import (
 )
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, check_unique
 from mlivr_gym.world.boxes import Box, Boxes
-from mlivr_gym.world.mesh_boxes import MESH_OPTIONS, mesh_boxes
+from mlivr_gym.world.meshes import MESH_OPTIONS, mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, POSITION, SEGMENT, Handrail, Segment
 from mlivr_gym.world.units import (
     UNIT_OF_LENGTH,

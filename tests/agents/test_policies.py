@@ -4,7 +4,6 @@ import pytest
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, baseline_policy, evaluate, planner_policy
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
@@ -26,8 +25,6 @@ def test_expert_policy_is_optimal_and_random_is_not(small_map):
         evaluate(env, RandomPolicy(), 0)
     with pytest.raises(SettingError, match="two limbs"):
         evaluate(MlivrEnv(robot="mlivr3", collisions=False), ExpertPolicy(), 1)
-    with pytest.raises(SettingError, match="UnknownMapEnv has another action"):
-        evaluate(UnknownMapEnv(map=small_map), ExpertPolicy(), 1)
 
 
 def test_policies_follow_walks_to_their_end(env):

@@ -121,16 +121,16 @@ def quick(monkeypatch, tmp_path):
         raise SimulationError("not carried out here")
 
     # Where they are used, since a module that is first imported now would keep what replaces them.
-    monkeypatch.setattr("mlivr_gym.closed_loop.cargo_mission.execute", stopped)
+    monkeypatch.setattr("mlivr_gym.extensions.cargo.cargo_mission.execute", stopped)
     monkeypatch.setattr("mlivr_gym.simulation.execution.execute", stopped)
     monkeypatch.setattr("mlivr_gym.agents.training.train", stopped)
     monkeypatch.setattr("mlivr_gym.cli.evaluate.evaluate", stopped)
     monkeypatch.setattr("mlivr_gym.agents.dataset._make_collector", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
-    monkeypatch.setattr("mlivr_gym.cli.view._serve", stopped)
+    monkeypatch.setattr("mlivr_gym.extensions.viewer.view._serve", stopped)
     if importlib.util.find_spec("viser") is not None:
-        monkeypatch.setattr("mlivr_gym.viewer.viewer.write_html", stopped)
+        monkeypatch.setattr("mlivr_gym.extensions.viewer.viewer.write_html", stopped)
     monkeypatch.setattr("mlivr_gym.stances.point_pairs.MOST_PAIRS", 2000)
     for module in ("world.grasp_map", "paper"):
         monkeypatch.setattr(f"mlivr_gym.{module}.jem_map", lambda: GraspMap.from_dict(LADDER))

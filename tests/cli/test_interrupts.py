@@ -87,7 +87,7 @@ def test_the_processes_of_a_study_say_nothing(interrupted, tmp_path):
     pytest.importorskip("pyarrow")
     (tmp_path / "study.toml").write_text(STUDY)
     arguments = ["study", str(tmp_path / "study.toml"), "--workers", "2", "--quiet"]
-    end = interrupted("module", "mlivr_gym.studies.rows", *arguments, process="worker")
+    end = interrupted("module", "mlivr_gym.extensions.studies.rows", *arguments, process="worker")
     assert end == (130, "", "mlivr-gym: interrupted\n")
 
 

@@ -8,8 +8,8 @@ import os
 import pytest
 
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files, make_folder
-from mlivr_gym.closed_loop.record import ARRIVED, ClosedLoopRecord
 from mlivr_gym.errors import PlanError, SceneError
+from mlivr_gym.extensions.closed_loop.record import ARRIVED, ClosedLoopRecord
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.planners import Planner
 
@@ -188,7 +188,7 @@ LAST_FILES = {
     ),
     "simulate": (
         "walk.gif",
-        "simulate --plan PLAN --size 64 32 --speed 100 --station-mass 42e4 --out .",
+        "simulate --plan PLAN --size 64 32 --speed 100 --out .",
     ),
     "render": ("scene.xml", "render --plan PLAN --size 64 32 --out scene.png --mjcf scene.xml"),
     "walk": ("walk.svg", "walk --start D2a:4 D2b:4 --goal 2.8 0 0 --out w.json --picture walk.png"),
@@ -203,7 +203,9 @@ def test_a_command_leaves_all_of_its_files_or_none(
     """The last one cannot get its name; those that were there before are there again."""
     last, line = LAST_FILES[case]
     record = ClosedLoopRecord(ARRIVED, "the base is at the goal", plans=[(walk, len(walk.steps))])
-    monkeypatch.setattr("mlivr_gym.closed_loop.loop.run_closed_loop", lambda *_, **__: record)
+    monkeypatch.setattr(
+        "mlivr_gym.extensions.closed_loop.loop.run_closed_loop", lambda *_, **__: record
+    )
     out, plan = tmp_path / "out", tmp_path / "plan.json"
     out.mkdir()
     one_step = walk.stances[0], walk.motion.base_positions[1], "steps"

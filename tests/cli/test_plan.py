@@ -10,7 +10,6 @@ import pytest
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.cli.arguments import search_options
 from mlivr_gym.cli.main import _parser
-from mlivr_gym.fastest import step_reactions
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.robot.cargo import Cargo
@@ -45,18 +44,6 @@ def test_plan_writes_plan_and_picture(run, tmp_path, jem):
     assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "plan.png", "plan.svg"}
 
 
-def test_the_plan_of_least_reaction_is_the_first_one_listed(run, tmp_path, checked_graph, jem):
-    file = tmp_path / "plan.json"
-    query = "--start D2a:4 D2b:4 --goal 2.8 0 0 --cost reaction"
-    code, out, _ = run(f"plan {query} --out {file}")
-    assert code == 0
-    impulses = [float(line.split(" N s")[0].split(",")[-1]) for line in out.splitlines()
-                if " N s" in line]  # fmt: skip
-    assert impulses == sorted(impulses)
-    steps = step_reactions(checked_graph, Plan.load(file, jem))
-    assert sum(step.impulse for step in steps) == pytest.approx(impulses[0], rel=0.01)
-
-
 def test_plan_and_info_take_cargo(run, tmp_path, ladder_file):
     file = tmp_path / "plan.json"
     assert run(f"plan --map {ladder_file} --cargo 12 0.3 0.4 0.2 --out {file}")[0] == 0
@@ -66,11 +53,6 @@ def test_plan_and_info_take_cargo(run, tmp_path, ladder_file):
     code, out, _ = run(f"{info} --cargo 12 0.3 0.4 0.2")
     assert code == 0
     assert json.loads(out)["robot"]["cargo"]["mass"] == 12.0
-    code, out, _ = run(f"{info} --robot mlivr3 --cargo 12 0.3 0.4 0.2 --cargo-limb 1")
-    assert json.loads(out)["robot"]["limbs"] == 2
-    code, _, err = run("info --cargo-limb 1")
-    assert code
-    assert "--cargo-limb has no effect without --cargo" in err
 
 
 def test_plan_and_info_take_the_map_and_the_robot_of_a_file(run, tmp_path, ladder_file):
@@ -127,12 +109,6 @@ def test_no_plan_gives_one_sentence_and_code_3(run, arguments, words):
     assert words in err
     assert err.startswith("mlivr-gym: ")
     assert err.count("\n") == 1
-
-
-def test_the_cause_is_told_whatever_the_cost(run):
-    told = {cost: run(f"plan --goal 9.5 0 0 --cost {cost}")[::2] for cost in ("steps", "time")}
-    assert told["time"] == told["steps"]
-    assert told["steps"][1].count(";") > 0
 
 
 def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, ladder_file):

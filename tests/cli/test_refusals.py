@@ -9,16 +9,17 @@ plan --cost fast                              : --cost is 'fast'; valid choices 
 plan --cost weighted                          : regrasp_price
 plan --robot robocop                          : 'robocop'
 plan --robot mlivr2-iiwa --held-joint joint2  : --held-joint has no effect with --robot mlivr2-iiwa
-plan --robot mlivr3 --suggest                 : --suggest needs two limbs; robot 'mlivr3' has 3
+suggest --robot mlivr3                        : smallest changes need two limbs
 info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
 plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold
 info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
+failures --robot mlivr3                       : failures needs two limbs; 'mlivr3' has 3
+load no/folder                                : cannot read simulation
 plan --map nowhere.json                       : nowhere.json
 plan --map uslab --unit mm                    : --unit mm needs the file of a map, given with --map
 plan --map my.csv --unit km                   : --unit is 'km'; valid choices are 'm', 'mm'
 plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist
-plan --cost reaction --refined                : --refined has no effect with --cost reaction
 plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
 plan --no-collisions --clearance 0.1          : --clearance has no effect
 plan --method dijkstra --heuristic paper      : --heuristic has no effect
@@ -49,7 +50,6 @@ dataset --episodes -3                         : --episodes is -3
 view --plan a --execution b                   : only one of --plan and --execution
 view --plan a --goal 1 2 3                    : --goal has no effect with --plan
 view --execution a --cost steps               : --cost has no effect with --execution
-view --cost time --method dijkstra            : --method has no effect with --cost time
 view --port 99999                             : --port
 """
 """Command lines, and words of what is told."""

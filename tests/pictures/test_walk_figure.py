@@ -8,7 +8,7 @@ from mlivr_gym import Box
 from mlivr_gym.pictures import plan_figure as module
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.map_views import FROM_ABOVE, FROM_THE_SIDE, IN_SPACE
-from mlivr_gym.pictures.plan_figure import BOX_COLOUR, parts_of
+from mlivr_gym.pictures.plan_figures import BOX_COLOUR, parts_of
 from mlivr_gym.pictures.route import plan_base_path
 from mlivr_gym.planners import Planner
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from unreachable import unreachable
 
-from mlivr_gym import Box, Settings, stance_graph
+from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import NO_SWING
-from mlivr_gym.planners.why_not import RULES, goal_occupancy
-from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.planners.why_not import RULES
 
 
 @pytest.fixture(scope="module")
@@ -109,37 +108,3 @@ def test_the_start_is_the_one_with_its_pose_and_joints(small_checked_graph):
 def test_the_command_tells_the_cause(capsys):
     assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
     assert "the nearest is" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("half", [0.05, 0.3, 1.0])
-def test_the_stances_at_a_goal_that_are_occupied_are_those_that_cannot_be_held(jem, half):
-    """Each stance at the goal is tried; some points are occupied, too."""
-    graph, goal, tolerance = stance_graph(jem), np.array([3.4, 0.0, 0.42]), 0.2
-    assert not goal_occupancy(graph, goal, tolerance)
-    assert not goal_occupancy(graph, goal, 1e-6)  # where no stance is
-    away = np.linalg.norm(graph.base_position - goal, axis=1)
-    stances = graph.points[away <= tolerance]
-    graph.add_obstacles([Box.between("bag", "obstacle", goal - half, goal + half)])
-    graph.occupy([int(stances[0, 0])])
-
-    def is_held(stance):
-        try:
-            graph.state(stance.tolist())
-        except StanceError:
-            return False
-        return True
-
-    taken = sum(not is_held(stance) for stance in stances)
-    expected = (
-        "the goal is occupied"
-        if taken == len(stances)
-        else f"{taken} of {len(stances)} stances at the goal are occupied"
-    )
-    assert goal_occupancy(graph, goal, tolerance) == expected
-    assert taken > 0
-
-
-def test_the_stances_of_three_limbs_at_a_goal_are_not_known(jem):
-    graph = stance_graph(jem, robot_spec("mlivr3"))
-    graph.add_obstacles([Box.between("bag", "obstacle", (3.0, -0.4, 0.0), (3.8, 0.4, 0.8))])
-    assert not goal_occupancy(graph, (3.4, 0.0, 0.42), 0.2)

@@ -11,14 +11,14 @@ import pytest
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.limb_shapes import cargo_capsules
 from mlivr_gym.errors import MlivrError, RobotError
-from mlivr_gym.fastest import step_reactions
+from mlivr_gym.extensions.reaction.fastest import step_reactions
+from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.inverse_dynamics import robot_model
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import plan_trajectory
 
 ON_TOP = Cargo(10.0, (0.3, 0.4, 0.2))

@@ -16,14 +16,12 @@ from small_tables import small_map, small_table
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.agents import (
     ExpertPolicy,
-    LookingPolicy,
     RandomPolicy,
-    ReplanningPolicy,
     baseline_policy,
     planner_policy,
 )
-from mlivr_gym.closed_loop.belief import Belief
 from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.extensions.closed_loop import Belief, LookingPolicy, ReplanningPolicy
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
@@ -53,9 +51,9 @@ def public_classes():
             module, _, name = path.rpartition(".")
             listed = re.findall(r"\w+", "".join(re.findall(":members:(.*)", options)))
             module, names = (path, listed) if kind == "module" else (module, [name])
-            for given, one in vars(importlib.import_module(module)).items():
-                is_here = inspect.isclass(one) and one.__module__ == module
-                if is_here and (given in names or not names) and not given.startswith("_"):
+            for given in names:
+                one = getattr(importlib.import_module(module), given)
+                if inspect.isclass(one):
                     found[given] = one
     return found
 

@@ -17,20 +17,23 @@ from mlivr_gym import (
     robot_spec,
     stance_graph,
 )
-from mlivr_gym.closed_loop.belief import Belief
-from mlivr_gym.closed_loop.cargo_mission import CargoMission, MissionPart
-from mlivr_gym.closed_loop.depth_camera import DepthCamera, Look
-from mlivr_gym.closed_loop.loop import run_closed_loop
-from mlivr_gym.closed_loop.record import Event, Footage
-from mlivr_gym.envs.closed_loop import ClosedLoopEnv
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TotalReward
 from mlivr_gym.envs.task import Task
-from mlivr_gym.envs.unknown_map import UnknownMapEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.fastest import Candidate
+from mlivr_gym.extensions.cargo.cargo_mission import CargoMission, MissionPart
+from mlivr_gym.extensions.closed_loop.belief import Belief
+from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera, Look
+from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
+from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
+from mlivr_gym.extensions.closed_loop.record import Event, Footage
+from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
+from mlivr_gym.extensions.reaction.fastest import Candidate
+from mlivr_gym.extensions.station_load.spectra import station_load
+from mlivr_gym.extensions.studies import StudyDesign, run_study
+from mlivr_gym.extensions.why_not.smallest_change import Change
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer, Shot
@@ -38,7 +41,6 @@ from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Cost, Planner
 from mlivr_gym.planners.algorithm1 import SearchTree
 from mlivr_gym.planners.outcome import Improvement
-from mlivr_gym.planners.smallest_change import Change
 from mlivr_gym.planners.why_not import Cause
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.robot.visuals import Visual
@@ -47,10 +49,8 @@ from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.monte_carlo import execute_many
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.station_load import station_load
 from mlivr_gym.simulation.timing import plan_trajectory
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.studies import StudyDesign, run_study
 from mlivr_gym.world.rails import Handrail
 
 
@@ -77,6 +77,10 @@ class Things:
     @cached_property
     def agents(self):
         return mlivr("agents")
+
+    @property
+    def closed_loop(self):
+        return mlivr("extensions.closed_loop")
 
     @cached_property
     def joints(self):
@@ -176,8 +180,8 @@ MAKERS = {
     "RandomPolicy": lambda of: of.agents.RandomPolicy(),
     "Policy": lambda of: of.agents.RandomPolicy(),
     "ExpertPolicy": lambda of: of.agents.ExpertPolicy(),
-    "LookingPolicy": lambda of: of.agents.LookingPolicy(of["RandomPolicy"]),
-    "ReplanningPolicy": lambda of: of.agents.ReplanningPolicy(),
+    "LookingPolicy": lambda of: of.closed_loop.LookingPolicy(of["RandomPolicy"]),
+    "ReplanningPolicy": lambda of: of.closed_loop.ReplanningPolicy(),
     "PlanPolicy": lambda of: of.agents.planner_policy(),
     "LearnedPolicy": lambda of: mlivr("agents.learned").load_policy("pretrained", of["MlivrEnv"]),
     "EvaluationTask": lambda of: of.agents.EvaluationTask(**of.query),

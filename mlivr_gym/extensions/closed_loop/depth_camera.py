@@ -1,0 +1,165 @@
+"""Depth cameras on body and grippers, simulated by ray casting, so that no GL library is needed.
+
+One pinhole camera looks out of each corner of the body, along its diagonal. There the limbs, which
+are mounted on the faces, hide least. Four look out of each gripper, sideways and forwards, and see
+what the limbs hide from the body, and the far sides of things. Rays that hit the robot are left
+out, as a robot filters its own links from a depth image by its joint angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from typing import Annotated, ClassVar, NamedTuple
+
+import numpy as np
+
+from mlivr_gym.arguments import InstanceOf, Validators, checked
+from mlivr_gym.arrays import Array
+from mlivr_gym.errors import SettingError
+from mlivr_gym.extensions.closed_loop.known_boxes import NOISE
+from mlivr_gym.robot import RobotSpec
+from mlivr_gym.schema import Integer, Numbers, Tuples
+from mlivr_gym.simulation.disturbances import robot_body_ids
+from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameter_set import ParameterSet
+
+CORNERS = np.array(list(product((1.0, -1.0), repeat=3)))
+"""Signs of the coordinates of the corners of the body in its frame, shape (8, 3)."""
+
+ALL_PIXELS = slice(None)
+"""Whole images."""
+
+FIELDS = slice(0, None, 2), slice(1, None, 2)
+"""Halves of the pixels of an image, which interlaced looks read out in turn."""
+
+LENS_OFFSET = 0.01
+"""Distance of a camera from each of the three faces that meet in its corner, or from the side of
+its gripper [m]."""
+
+SIDES = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Directions from the axis of a gripper, z, to its cameras, shape (4, 3)."""
+
+GRIPPER_AXES = SIDES * np.cos(np.pi / 6.0) + np.array([0.0, 0.0, np.sin(np.pi / 6.0)])
+"""Their optical axes: sideways, and 30 degrees forwards, shape (4, 3)."""
+
+GIVEN: Validators = {
+    "axes": Numbers((None, 3)),
+    "model": InstanceOf(mujoco.MjModel),
+    "data": InstanceOf(mujoco.MjData),
+    "robot": InstanceOf(RobotSpec),
+    "rng": InstanceOf(np.random.Generator),
+    "pixels": InstanceOf(slice),
+}
+"""Validators of the arguments."""
+
+
+class Look(NamedTuple):
+    """What cameras have measured at one time."""
+
+    hits: Array
+    """Positions of surfaces in the module frame [m], shape (k, 3)."""
+    origins: Array
+    """Positions of the cameras that saw them [m], shape (k, 3)."""
+
+
+@dataclass(frozen=True)
+class DepthCamera(ParameterSet):
+    """Parameters of the cameras on the corners of the body and on the grippers.
+
+    Examples
+    --------
+    >>> DepthCamera(max_range=2.0).rays().shape
+    (8, 6400, 3)
+    """
+
+    label: ClassVar[str] = "camera"
+
+    pixels: Annotated[int, Integer(2, 1000)] = 80
+    """Number of pixels of an image along each side."""
+    field_of_view: Annotated[float, Tuples((), 1e-3, 3.0, "rad")] = float(2.0 * np.pi / 3.0)
+    """Angle between opposite sides of an image [rad]."""
+    max_range: Annotated[float, Tuples((), 1e-3, 1e3, "m")] = 3.0
+    """Largest distance that is measured [m]."""
+    noise: Annotated[float, NOISE] = 0.003
+    """Standard deviation of a distance [m]."""
+    period: Annotated[float, Tuples((), 0.01, 1e3, "s")] = 0.25
+    """Time between two looks during a step [s]; each reads out one half of the pixels, in turn."""
+
+    @checked(GIVEN)
+    def rays(self, axes: Array = CORNERS) -> Array:
+        """Return unit vectors of the rays of k cameras, shape (k, p^2, 3).
+
+        Their optical axes, shape (k, 3), are by default those of the cameras on the body. Raises a
+        `SettingError` if one is not finite, or is along z, which would leave the image unturned.
+        """
+        if not axes[:, :2].any(axis=1).all():
+            first = int(np.argmin(axes[:, :2].any(axis=1)))
+            raise SettingError(f"axes[{first}] is {axes[first].tolist()}; it must not be along z")
+        return _rays(self.pixels, self.field_of_view, tuple(map(tuple, axes.tolist())))
+
+    @checked(GIVEN)
+    def measure(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: RobotSpec,
+        rng: np.random.Generator,
+        pixels: slice = ALL_PIXELS,
+    ) -> Look:
+        """Return the hits: the surface points that the cameras measure around a simulated robot.
+
+        A ray that hits nothing within the range gives none. The generator makes the noise;
+        `pixels` are those of each image that are read out, by default all. Raises a `SettingError`
+        if an argument is of another type.
+        """
+        of_robot, looks = np.isin(model.geom_bodyid, robot_body_ids(model)), []
+        for position, image in self._images(model, data, robot):
+            rays = image[pixels]
+            geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
+            mujoco.mj_multiRay(
+                model, data, position, rays.ravel(), None, True, -1, geom, distance, None,
+                len(rays), self.max_range,
+            )  # fmt: skip
+            hit = (geom >= 0) & (distance <= self.max_range)
+            hit[hit] = ~of_robot[geom[hit]]
+            distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
+            hits = position + distance[:, None] * rays[hit]
+            looks.append(Look(hits, np.broadcast_to(position, hits.shape)))
+        return Look(*map(np.concatenate, zip(*looks, strict=True)))
+
+    def _images(
+        self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec
+    ) -> Iterator[tuple[Array, Array]]:
+        """Yield the position of each camera [m] and its rays (p^2, 3), in the module frame."""
+        base = data.body("base")
+        rotation = base.xmat.reshape(3, 3)
+        for corner, image in zip(CORNERS, self.rays(), strict=True):
+            lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
+            yield base.xpos + rotation @ lens, image @ rotation.T
+        for limb in range(robot.limbs):
+            site = model.site(f"limb{limb}/grasp")
+            parts = model.geom_bodyid == int(site.bodyid[0])
+            parts |= model.geom_bodyid == model.body(f"limb{limb}/gripper").id
+            radius = float(model.geom_size[parts, 0].max()) + LENS_OFFSET
+            rotation, position = data.site_xmat[site.id].reshape(3, 3), data.site_xpos[site.id]
+            flange = position - robot.tool_length * rotation[:, 2]
+            for side, image in zip(SIDES, self.rays(GRIPPER_AXES), strict=True):
+                yield flange + radius * rotation @ side, image @ rotation.T
+
+
+@cache
+def _rays(pixels: int, field_of_view: float, axes: tuple[tuple[float, ...], ...]) -> Array:
+    """Return the rays of k cameras with given pixels along each side, field of view, and axes."""
+    half = np.tan(0.5 * field_of_view)
+    centres = (np.arange(pixels) + 0.5) / pixels * 2.0 - 1.0
+    u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
+    forward = np.array(axes)[:, None] / np.linalg.norm(axes, axis=1)[:, None, None]
+    right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
+    right /= np.linalg.norm(right, axis=2)[..., None]
+    rays = forward + u * right + v * np.cross(forward, right)
+    unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+    unit.flags.writeable = False
+    return unit

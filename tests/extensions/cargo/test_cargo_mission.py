@@ -1,0 +1,189 @@
+"""A bag is picked up, carried and stowed: coal and MuJoCo check what was planned."""
+
+from itertools import pairwise
+
+import coal
+import mujoco
+import numpy as np
+import pinocchio
+import pytest
+from coal_ruler import apart, capsule, solid
+
+from mlivr_gym import robot_spec, stance_graph
+from mlivr_gym.collisions.contacts import contacts
+from mlivr_gym.errors import MlivrError, NoPlanError
+from mlivr_gym.extensions.cargo import cargo_mission
+from mlivr_gym.extensions.cargo.arm_motion import LimbMover, limb_trajectory
+from mlivr_gym.extensions.cargo.cargo_mission import loaded_robot, plan_cargo_mission, standing
+from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.scene import robot_alone, set_configuration
+
+BAG = Cargo(10.0, 0.2)
+START, PICK, STOW = ("D3a:8", "D3a:1", "D3a:4"), "D2b:3", "F2b:4"
+
+
+@pytest.fixture(scope="module")
+def graph(jem):
+    """The points of two racks of deck and forward wall that meet at x = 2.9 m."""
+    keep = np.isin(jem.faces, ["deck", "forward"]) & (np.abs(jem.positions[:, 0] - 2.9) < 0.2)
+    return stance_graph(jem.subset(keep, "bay"), "mlivr3")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def short_searches():
+    """Searches for walks of three limbs, which lead nowhere here, end soon."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cargo_mission, "LIMIT", 100)
+        yield
+
+
+@pytest.fixture(scope="module")
+def mission(graph):
+    return plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[1, 0])
+
+
+@pytest.fixture(scope="module")
+def parts(mission):
+    return mission.execute()
+
+
+def along(knots):
+    """Configurations at most 0.05 rad apart on the lines between knots."""
+    rows = [np.linspace(a, b, int(np.abs(b - a).max() / 0.05) + 2)[:-1] for a, b in pairwise(knots)]
+    return np.concatenate([*rows, knots[-1:]])
+
+
+def test_the_limb_with_the_cheapest_walks_carries_and_the_others_walk(graph, mission):
+    assert mission.limb == 0
+    one = plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[1])
+    assert one.limb == 1
+    assert one.cost >= mission.cost
+    walk, carry = mission.plans
+    assert walk.world.robot.limbs == 3
+    assert carry.world.robot.limbs == 2
+    assert carry.stances[0] == walk.stances[-1][1:]
+    assert walk.cost + carry.cost == mission.cost
+    assert not graph.obstacles
+    for got, expected in zip(carry.configuration(0), walk.configuration(-1), strict=True):
+        np.testing.assert_allclose(got, expected[1:] if got.ndim == 2 else expected, atol=1e-6)
+
+
+def test_gripper_and_bag_are_where_the_points_are(graph, mission):
+    """MuJoCo puts the robot in place."""
+    model = robot_alone(graph.robot).compile()
+    data = mujoco.MjData(model)
+    for leg, knots, point in ((0, mission.motions[0], PICK), (1, mission.motions[2], STOW)):
+        set_configuration(model, data, *standing(mission.plans[leg], mission.limb, knots[-1]))
+        k = graph.grasp_map.index(point)
+        normal = graph.grasp_map.rotations[k][:, 2]
+        grasp = data.site(f"limb{mission.limb}/grasp")
+        handle = graph.grasp_map.positions[k] + BAG.edges[2] * normal
+        np.testing.assert_allclose(grasp.xpos, handle, atol=1e-6)
+        np.testing.assert_allclose(grasp.xmat.reshape(3, 3)[:, 2], -normal, atol=1e-6)
+    np.testing.assert_array_equal(mission.motions[0][-1], mission.motions[1][0])
+    np.testing.assert_array_equal(mission.motions[1][-1], mission.motions[2][0])
+
+
+def test_a_limb_with_a_bag_is_clear_where_coal_and_the_plain_definition_say_so(graph):
+    robot, rng, clearance = graph.robot, np.random.default_rng(4), graph.settings.clearance
+    boxes, model = graph.grasp_map.boxes, robot_alone(graph.robot).compile()
+    data, mover, seen = mujoco.MjData(model), LimbMover(graph, 0, (), BAG), set()
+    position, quaternion, joints = graph.configuration(graph.state(START))
+    mover.stand(position, quaternion, joints)
+    held = "limb0/wrist_3", "limb0/gripper"
+    names = [model.geom(g).name for g in range(model.ngeom)]
+    parts = [g for g, one in enumerate(names) if one and not one.startswith(held)]
+    walls = [solid(box) for box in boxes]
+    for _ in range(150):
+        joints = joints.copy()
+        joints[0] = rng.uniform(-np.pi, np.pi, 6)
+        set_configuration(model, data, position, quaternion, joints)
+        grasp = data.site("limb0/grasp")
+        turn = grasp.xmat.reshape(3, 3)
+        middle = grasp.xpos + 0.5 * BAG.edges[2] * turn[:, 2]
+        bag = coal.Box(*BAG.edges), coal.Transform3s(turn, middle)
+        shapes = list(walls)
+        for g in parts:
+            size, axes, where = (
+                model.geom_size[g],
+                data.geom_xmat[g].reshape(3, 3),
+                data.geom_xpos[g],
+            )
+            half = size[1] * axes[:, 2]
+            if model.geom_type[g] == mujoco.mjtGeom.mjGEOM_CAPSULE:
+                shapes.append(capsule(size[0], where - half, where + half))
+            else:
+                shapes.append((coal.Box(*(2.0 * size)), coal.Transform3s(axes, where)))
+        gap = min(apart(bag, shape) for shape in shapes)
+        touching = [
+            any(
+                one.startswith("limb0/") and "/base/" not in one
+                for contact in contacts(robot, boxes, (position, quaternion, joints), within)
+                for one in (contact.first, contact.second)
+            )
+            for within in (clearance - 1e-3, clearance + 1e-3)
+        ]
+        if abs(gap - clearance) < 1e-3 or touching[0] != touching[1]:
+            continue
+        expected = gap >= clearance and not touching[0]
+        assert mover.is_clear(joints[0]) == expected
+        seen.add((gap >= clearance, touching[0]))
+    assert seen == {(True, True), (True, False), (False, True), (False, False)}
+
+
+def test_the_limb_is_clear_all_along_its_motion_with_the_bag(graph, mission):
+    mover = LimbMover(graph, mission.limb, (), BAG)
+    for leg, knots in ((0, mission.motions[1][11:]), (1, mission.motions[2][:-11])):
+        mover.stand(*standing(mission.plans[leg], mission.limb, knots[0]))
+        assert all(mover.is_clear(joints) for joints in along(knots))
+
+
+def test_the_mission_is_carried_out(parts):
+    assert [part.name for part in parts] == ["pick up", "fold", "carry", "stow"]
+    for part in parts:
+        assert part.failure is None
+        assert part.miss < 0.1 * Physics().capture_distance
+        assert part.peaks.grasp_force.max() < 1.2 * Limits().grasp_force
+
+
+def test_a_limb_moves_within_the_limits_and_rests_at_each_knot(graph, mission):
+    position, quaternion, joints = standing(mission.plans[0], 0, mission.motions[1][0])
+    points = (-1, *graph.indices(START)[1:])
+    start, heavy = (position, quaternion, joints, points), loaded_robot(graph.robot, 0, BAG)
+    way = limb_trajectory(graph, 0, mission.motions[1], start, heavy, Limits())
+    speed = np.gradient(way.joint_positions[:, 0], way.times, axis=0)
+    np.testing.assert_allclose(way.joint_velocities[1:-1, 0], speed[1:-1], atol=0.02)
+    for knot in mission.motions[1]:
+        k = int(np.abs(way.joint_positions[:, 0] - knot).max(axis=1).argmin())
+        np.testing.assert_allclose(way.joint_positions[k, 0], knot, atol=1e-9)
+        np.testing.assert_allclose(way.joint_velocities[k, 0], 0.0, atol=1e-9)
+
+
+def test_pinocchio_agrees_on_the_mass_of_a_loaded_limb():
+    robot, free = robot_spec("mlivr3"), pinocchio.JointModelFreeFlyer
+    ours = pinocchio.buildModelFromXML(loaded_robot(robot, 1, BAG).to_urdf(), free())
+    truth = pinocchio.buildModelFromXML(robot.to_urdf(), free())
+    place = pinocchio.SE3(np.eye(3), np.array([0.0, 0.0, robot.tool_length + 0.1]))
+    box = pinocchio.Inertia.FromBox(BAG.mass, *BAG.edges)
+    truth.appendBodyToJoint(truth.getJointId("limb1/joint6"), box, place)
+    q = pinocchio.randomConfiguration(ours, -np.ones(ours.nq), np.ones(ours.nq))
+    mass = [pinocchio.crba(model, model.createData(), q) for model in (ours, truth)]
+    np.testing.assert_allclose(*mass, atol=1e-9)
+
+
+def test_what_cannot_be_is_refused(graph):
+    with pytest.raises(MlivrError, match="unknown graspable point 'X'"):
+        plan_cargo_mission(graph, START, "X", STOW, BAG)
+    with pytest.raises(NoPlanError, match="limb 5: limb is 5; robot 'mlivr3' has limbs 0 to 2"):
+        plan_cargo_mission(graph, START, PICK, STOW, BAG, limbs=[5])
+    with pytest.raises(NoPlanError, match="': limb 0 and limb 1: robot 'mlivr2' has 2 limbs"):
+        plan_cargo_mission(stance_graph(), ("D2a:4", "D2b:4"), "A2b:4", "A4b:4", BAG)
+    with pytest.raises(MlivrError, match="on point 'D2b:5' the bag would come closer than"):
+        plan_cargo_mission(graph, START, "D2b:5", STOW, BAG)
+    with pytest.raises(MlivrError, match="pick and stow are both 'D2b:3'"):
+        plan_cargo_mission(graph, START, PICK, PICK, BAG)
+    with pytest.raises(MlivrError, match="pick is 'D3a:1', which limb 1 holds at the start"):
+        plan_cargo_mission(graph, START, START[1], STOW, BAG)
+    assert not graph.obstacles

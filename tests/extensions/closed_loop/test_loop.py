@@ -1,0 +1,233 @@
+"""The closed loop arrives among things that its map lacks, or stops where it is."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+from loop_walks import BAG, CAMERA, GOAL, START, kinds
+
+from mlivr_gym import Box, MlivrError, stance_graph
+from mlivr_gym.extensions.closed_loop.belief import Belief
+from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera, Look
+from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
+from mlivr_gym.extensions.closed_loop.record import ARRIVED, FAILED, STOPPED
+from mlivr_gym.extensions.closed_loop.sensing_robot import ATTEMPTS
+from mlivr_gym.planners import Planner
+from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.simulator import Simulation
+from mlivr_gym.simulation.step_executor import StepExecutor
+
+
+@pytest.fixture(scope="module")
+def plan(graph):
+    return Planner(graph).plan(START, GOAL, "steps").unwrap()
+
+
+def test_without_surprises_it_takes_the_steps_of_the_plan(graph, plan):
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=len(plan.steps))
+    assert record.outcome == ARRIVED
+    assert record.steps == len(plan.steps)
+    assert record.state.stance == tuple(graph.indices(plan.stances[-1]))
+    assert not record.sensed
+    assert not record.refused
+    assert record.plans == [(record.plans[0][0], len(plan.steps))]  # it never changes its mind
+    assert 0.0 < record.peak_force < 100.0
+
+
+def test_a_refused_point_is_tried_again_then_avoided(graph, plan):
+    limb, point = plan.actions[0]
+    record = run_closed_loop(graph, START, GOAL, refusing=[point], max_steps=ATTEMPTS + 1)
+    assert record.steps == 1
+    assert record.refused == (point,)
+    refused = [event.values for event in record.events if event.kind == "refused"]
+    assert [value["point"] for value in refused] == [point] * ATTEMPTS
+    assert refused[0] == {"limb": limb, "point": point, "failure": "refused grasp"}
+    assert all(point != event.values["point"] for event in record.events if event.kind == "step")
+    assert graph.occupied == frozenset()  # the graph is as it was
+    assert graph.obstacles == ()
+
+
+def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
+    limb, point = plan.actions[0]
+    prepared = StepExecutor.prepared
+
+    def without(executor, moving, to, *rest):
+        if to == graph.grasp_map.index(point):
+            return Failure("no swing", 0.0, 0, "departure", moving, "no swing was found", {})
+        return prepared(executor, moving, to, *rest)
+
+    monkeypatch.setattr(StepExecutor, "prepared", without)
+    record = run_closed_loop(graph, START, GOAL, max_steps=2)
+    assert record.steps > 0
+    assert record.refused == (point,)
+    blocked = [event.values for event in record.events if event.kind == "blocked"]
+    assert blocked == [{"limb": limb, "point": point, "failure": "no swing"}]
+
+
+def test_it_sees_what_is_in_its_way_and_goes_round(graph):
+    blind = run_closed_loop(graph, START, GOAL, unknown=[BAG])
+    assert blind.outcome == FAILED
+    assert "bag" in blind.reason
+    seeing = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=CAMERA)
+    assert seeing.outcome == ARRIVED
+    assert seeing.sensed
+    assert graph.obstacles == ()
+
+
+def test_the_same_seed_gives_the_same_walk(graph):
+    walks = [
+        run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=CAMERA, seed=seed, max_steps=1)
+        for seed in (3, 3, 4)
+    ]
+    one, again, other = walks
+    assert one.sensed
+    assert kinds(again) == kinds(one)
+    assert again.duration == one.duration
+    assert again.sensed == one.sensed
+    assert other.sensed != one.sensed
+
+
+class LateCamera(DepthCamera):
+    """Cameras that see nothing before the first step has begun."""
+
+    def measure(self, model, data, robot, rng, pixels):
+        look = super().measure(model, data, robot, rng, pixels)
+        return look if data.time > 0.0 else Look(look.hits[:0], look.origins[:0])
+
+
+def test_what_it_sees_during_a_step_turns_it_back(graph, plan):
+    """A small box above the first point that the plan grasps."""
+    point = graph.grasp_map.index(plan.steps[0].to_point)
+    middle = graph.grasp_map.positions[point] + 0.25 * graph.grasp_map.normals[point]
+    box = Box.between("small", "obstacle", middle - 0.05, middle + 0.05)
+    blind = run_closed_loop(graph, START, GOAL, unknown=[box])
+    assert (blind.outcome, blind.steps) == (FAILED, 0)
+    camera = LateCamera(pixels=28, period=0.5)
+    record = run_closed_loop(graph, START, GOAL, unknown=[box], camera=camera, max_steps=3)
+    assert record.steps > 0
+    first = next(event for event in record.events if event.kind in ("blocked", "step"))
+    assert first.kind == "blocked"
+    assert first.values["point"] == plan.steps[0].to_point
+    assert record.peak_force < 60.0
+
+
+def test_it_turns_back_before_it_touches_something(graph, plan, monkeypatch):
+    """Asked is where the robot is, and where it should be."""
+    away = list[float]()
+
+    def will_touch(belief, trajectory, sample, present):
+        away.append(np.linalg.norm(present[0] - trajectory.base_positions[sample]))
+        return len(away) == 3
+
+    monkeypatch.setattr(Belief, "will_touch", will_touch)
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA, max_steps=2)
+    done = [event for event in record.events if event.kind in ("blocked", "step")]
+    assert [event.kind for event in done] == ["blocked", "step"]
+    assert done[0].values["point"] == done[1].values["point"] == plan.steps[0].to_point
+    assert 0.0 < max(away) < 0.01
+
+
+def test_it_stops_where_no_way_is_left(graph, plan):
+    graph.occupy([point for point in graph.grasp_map.ids if point not in _points(plan)])
+    record = run_closed_loop(graph, START, GOAL, refusing=sorted(_points(plan) - set(START)))
+    graph.vacate()
+    assert record.outcome == STOPPED
+    assert record.reason
+    assert record.proved
+    assert record.refused  # it tried what the plan offers
+    assert record.steps == 0
+    assert kinds(record)[-1] == "end"
+
+
+def test_a_stop_at_points_to_which_paths_were_blocked_is_no_proof(graph, plan, monkeypatch):
+    """Nothing is there, and each point is tried once more before the robot stops."""
+    monkeypatch.setattr(Belief, "is_blocked", lambda *_: True)
+    graph.occupy([point for point in graph.grasp_map.ids if point not in _points(plan)])
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
+    graph.vacate()
+    assert (record.outcome, record.steps, record.proved) == (STOPPED, 0, False)
+    tried = Counter(event.values["point"] for event in record.events if event.kind == "blocked")
+    assert set(tried) == set(record.refused)
+    assert set(tried.values()) == {2 * ATTEMPTS}
+
+
+def test_a_planner_without_effort_to_plan_proves_nothing(jem, monkeypatch):
+    for name in ("LITTLE_EFFORT", "EFFORT"):
+        monkeypatch.setattr(f"mlivr_gym.extensions.closed_loop.loop.{name}", 1)
+    graph = stance_graph(jem, robot_spec("mlivr3"))
+    record = run_closed_loop(graph, ("D3a:8", "D3a:1", "D3a:4"), (4.2, 0.0, 0.42))
+    assert (record.outcome, record.proved, record.steps) == (STOPPED, False, 0)
+    assert "limit reached" in record.reason
+
+
+def test_a_point_that_refuses_on_the_way_back_from_a_blocked_path_ends_the_walk(
+    graph, plan, monkeypatch
+):
+    """It is no try of the point to which the limb was on its way, and there is no other way back.
+
+    A limb that went back as from that point would begin with a jump, and touch something.
+    """
+    limb = plan.actions[0][0]
+    origin, looks = plan.stances[0][limb], []
+
+    def is_blocked(belief, trajectory, sample):
+        looks.append(sample)
+        return len(looks) == 2
+
+    def refuses(simulation, point):
+        return point == graph.grasp_map.index(origin)
+
+    monkeypatch.setattr(Belief, "is_blocked", is_blocked)
+    monkeypatch.setattr(Simulation, "refuses", refuses)
+    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
+    assert (record.outcome, record.steps) == (FAILED, 0)
+    assert record.reason.startswith("on the way back, refused grasp: ")
+    assert repr(origin) in record.reason
+    assert not record.refused
+    assert kinds(record) == ["planned", "end"]
+
+
+def test_a_stop_says_why(graph):
+    goal = np.array([3.4, 0.0, 0.42])
+    box = Box.between("bag", "obstacle", goal - 0.1, goal + 0.1)
+    record = run_closed_loop(graph, START, goal.tolist(), unknown=[box], camera=CAMERA)
+    assert record.outcome == STOPPED
+    assert record.reason.startswith("search exhausted")
+
+
+def test_it_stops_after_the_steps_that_it_may_take(graph):
+    record = run_closed_loop(graph, START, GOAL, max_steps=1)
+    assert (record.outcome, record.steps) == (STOPPED, 1)
+
+
+def test_a_goal_that_is_reached_needs_no_step(graph):
+    here = graph.posture_of(graph.state(START)).base_position[0]
+    record = run_closed_loop(graph, START, here.tolist())
+    assert (record.outcome, record.steps) == (ARRIVED, 0)
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        ({"refusing": ["X9:1"]}, "X9:1"),
+        ({"refusing": [START[0]]}, "holds at the start"),
+        ({"unknown": [BAG, BAG]}, "bag"),
+        (
+            {"unknown": [Box.between("here", "obstacle", (2, 0, -0.6), (3, 1, 0))]},
+            r"here.* touch at the start",
+        ),
+        ({"gone": ["bag"]}, "gone has 'bag'"),
+        ({"cost": "time"}, "time"),
+        ({"goal": (np.nan, 0.0, 0.0)}, "goal"),
+    ],
+)
+def test_wrong_arguments_are_named(graph, given, named):
+    task = {"start": START, "goal": GOAL} | given
+    with pytest.raises(MlivrError, match=named):
+        run_closed_loop(graph, **task)
+
+
+def _points(plan):
+    """Return the ids of all points of a plan."""
+    return {point for stance in plan.stances for point in stance}

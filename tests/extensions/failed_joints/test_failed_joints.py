@@ -1,0 +1,109 @@
+"""Plans of a robot of which joints have failed: Pinocchio's seven joints reach every point."""
+
+import json
+
+import numpy as np
+import pytest
+from held_points import assert_held
+from oracle import flange
+from wrist_arms import pinocchio_wrist_arm
+
+from mlivr_gym import Settings, stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import RobotError
+from mlivr_gym.extensions.failed_joints import after_failure, reach_without
+from mlivr_gym.planners import Planner
+from mlivr_gym.world.boxes import Box
+
+SETTINGS = Settings(limb_threshold=0.03)
+
+
+@pytest.fixture(scope="module")
+def deck(jem):
+    return jem.subset([point[:2] in ("D1", "D2", "D3", "D4") for point in jem.ids], "deck")
+
+
+@pytest.fixture(scope="module")
+def iiwas(deck):
+    return stance_graph(deck, "mlivr2-iiwa", SETTINGS)
+
+
+def every_angle(robot, joints):
+    """All seven angles of each limb from the six that move."""
+    return [limb.all_angles(q) for limb, q in zip(robot.every_limb, joints, strict=True)]
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "joints"),
+    [
+        (("D2a:2", "D3a:6"), (3.449, 0.113, -0.299), [(0, 2)]),
+        (("D2b:4", "D3a:1"), (2.352, 0.101, -0.299), [(0, 5), (1, 2)]),
+        (("D2b:4", "D3a:1"), (2.0, 0.1, -0.3), [(0, 3), (1, 5)]),
+    ],
+)
+def test_every_posture_of_a_plan_has_the_failed_joints_at_their_angles(iiwas, start, goal, joints):
+    """Seven joints, the failed at its angle, have the tool of each limb that holds at its point."""
+    whole, model = iiwas.robot, pinocchio_wrist_arm(iiwas.robot.limb)
+    state = iiwas.state(start)
+    present = every_angle(whole, iiwas.configuration(state)[2])
+    failed = [(limb, joint, float(present[limb][joint - 1])) for limb, joint in joints]
+    after, begin = after_failure(iiwas, state, joints)
+    plan = Planner(after).plan(begin, goal, "steps", goal_tolerance=0.3).unwrap()
+    robot = plan.world.robot
+    np.testing.assert_allclose(every_angle(robot, plan.configuration(0)[2]), present, atol=1e-6)
+    assert len(plan.steps) > 1
+    for k in range(len(plan.steps)):
+        motion, stances = plan.joint_path(k).samples(12), plan.stances[k : k + 2]
+        kept = [a if a == b else None for a, b in zip(*stances, strict=True)]
+        rows = motion.base_positions, motion.base_quaternions, motion.joint_positions
+        for place, turn, angles in zip(*rows, strict=True):
+            every = every_angle(robot, angles)
+            assert all(every[limb][joint - 1] == angle for limb, joint, angle in failed)
+            limits = np.array(whole.limb.joint_limits).T
+            assert ((every >= limits[0] - 1e-6) & (every <= limits[1] + 1e-6)).all()
+            assert_held(whole, iiwas.grasp_map, kept, (place, turn, every),
+                        lambda q: flange(model, q)[0], atol=1e-6)  # fmt: skip
+
+
+def test_obstacles_and_occupied_points_of_the_graph_are_kept(deck):
+    graph = stance_graph(deck, "mlivr2-iiwa", SETTINGS)
+    graph.add_obstacles([Box.between("bag", "obstacle", (2.9, 0.7, -0.1), (3.1, 0.9, 0.1))])
+    graph.occupy(["D1a:0"])
+    after, begin = after_failure(graph, graph.state(("D2b:4", "D3a:1")), [(0, 2)])
+    assert after.obstacles == graph.obstacles
+    assert after.occupied == graph.occupied
+    assert after.robot != graph.robot
+    assert after.ids(begin.stance) == ("D2b:4", "D3a:1")
+
+
+@pytest.mark.parametrize(
+    ("failed", "words"),
+    [
+        ([(0, 4)], "limb 0 cannot move with joint 4 failed"),
+        ([(0, 2), (0, 5)], "joint 2 of limb 0 has failed at .* rad already; with joint"),
+        ([(3, 2)], "limb is 3; it must be a whole number from 0 to 1"),
+        ([(0, 9)], "joint is 9; it must be a whole number from 1 to 7"),
+    ],
+)
+def test_what_cannot_move_is_refused_in_one_line(iiwas, failed, words):
+    with pytest.raises(RobotError, match=words) as caught:
+        after_failure(iiwas, iiwas.state(("D2a:2", "D3a:6")), failed)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_limb_of_six_joints_reaches_what_it_can_hold_where_it_is(small_checked_graph):
+    """A stance with the limb at its point and the joint at its angle has the angle it had."""
+    graph = small_checked_graph
+    state, goals = graph.state(graph.points[0]), graph.base_position
+    found = reach_without(graph, state, 0, 1, goals)
+    assert 1 <= found.stances <= (graph.points[:, 0] == state.stance[0]).sum()
+    assert found.goals >= found.stances
+
+
+def test_the_command_counts_what_is_reached_for_each_joint(small_map, tmp_path, capsys):
+    path = tmp_path / "small.json"
+    small_map.save(path)
+    assert main(["failures", "--map", str(path), "--goals", "2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [row["joint"] for row in told["joints"]] == [*range(1, 7)]
+    assert all(1 <= row["stances"] <= told["stances"] for row in told["joints"])
