@@ -76,8 +76,9 @@ COMMON = (
 NEEDS_MORE = {"SceneWindow", "RecordVideo"}
 """Classes that need a screen or a package; what they are given is checked before."""
 
-NO_ANSWER = {"CargoMission.execute", "plan_cargo_mission"}
-"""Callables that have no answer on a small map, where no limb can carry a bag."""
+NO_ANSWER = {"CargoMission.execute", "plan_cargo_mission", "after_failure"}
+"""Callables that have no answer on a small map, where no limb can carry a bag; nor has a
+limb of six joints one to spare."""
 
 TAKES_LONG = {
     ("MlivrEnv", "map"), ("ClosedLoopEnv", "map"), ("UnknownMapEnv", "map"),

@@ -244,7 +244,10 @@ MAKERS = {
     "RunOutcome": lambda of: next(
         iter(execute_many(of["TwoLimbGraph"], [of["Plan"]], samples=1, workers=1))
     ),
-    "Reaction": lambda of: mlivr("fastest").step_reactions(of["TwoLimbGraph"], of["Plan"])[0],
+    "Reaction": lambda of: mlivr("extensions.reaction").step_reactions(
+        of["TwoLimbGraph"], of["Plan"]
+    )[0],
+    "Reach": lambda of: mlivr("extensions.failed_joints").Reach(3, 1),
     "Candidate": lambda of: Candidate(of["Plan"], "base", None, 1.0, 1.0, 1.0),
     "MissionPart": lambda of: MissionPart("walk", of["Recording"], of["Peaks"], None, 0.0),
     "CargoMission": mission,

@@ -65,7 +65,7 @@ class ClosedLoopEnv(MlivrEnv):
 
     `graph` has what the robot knows, so planners and policies that use it plan in the world that
     the robot believes in. A plan also chooses the branches of the limbs, see `follow`, as
-    `agents.ReplanningPolicy` does.
+    `ReplanningPolicy` does.
 
     The observation has in addition `occupied`, the points that count as occupied, and `obstacles`,
     the cells of the module in which surfaces were seen that the map lacks. `info` has

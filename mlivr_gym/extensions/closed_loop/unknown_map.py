@@ -37,7 +37,7 @@ class UnknownMapEnv(MlivrEnv):
     Both together are what the robot remembers, so no history of observations is needed.
     `failure_probability` is `PRIOR` for unknown points and 0 for others, and `graph` has the points
     seen to be occupied, so that what expects failures (`ExpertPolicy`, the features of the pointer
-    policy) can be used as it is, see `agents.LookingPolicy`. `info` has `looks`, the number of
+    policy) can be used as it is, see `LookingPolicy`. `info` has `looks`, the number of
     looks, which `steps` includes, and `fewest_steps`, those of an optimal plan with the layout
     known: no policy takes fewer attempts.
 

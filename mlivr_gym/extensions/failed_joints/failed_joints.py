@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mlivr_gym.arguments import Validators, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import StanceError
+from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot import RobotSpec
+from mlivr_gym.robot import MOST_LIMBS, RobotSpec
+from mlivr_gym.schema import Integer, ListOf, Numbers
 from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, in_same_world
 
 SAME_ANGLE = 1e-3
@@ -18,6 +20,15 @@ SAME_ANGLE = 1e-3
 
 BRANCHES = 8
 """Number of branches of a limb."""
+
+
+GIVEN: Validators = {
+    "failed": ListOf(ListOf(Integer(0, MOST_LIMBS), 2, 2), 0, MOST_LIMBS),
+    "limb": Integer(0, 1),
+    "joint": Integer(1, 7),
+    "goals": Numbers((None, 3), unit="m"),
+}
+"""Validators of the arguments."""
 
 
 class Reach(NamedTuple):
@@ -29,6 +40,7 @@ class Reach(NamedTuple):
     """Number of goals, of those that are asked about."""
 
 
+@checked(GIVEN)
 def after_failure(
     graph: StanceGraph, state: State, failed: Sequence[tuple[int, int]]
 ) -> tuple[StanceGraph, State]:
@@ -39,6 +51,7 @@ def after_failure(
     a `RobotError` if a limb cannot move without its joints, and a `StanceError` if the new robot
     cannot plan from where it is.
     """
+    state = graph.validated_state(state)
     robot, every = _locked(graph, state, failed)
     position, quaternion, _ = graph.configuration(state)
     pairs = zip(robot.every_limb, every, strict=True)
@@ -61,6 +74,7 @@ def _locked(
     return robot, every
 
 
+@checked(GIVEN)
 def reach_without(graph: TwoLimbGraph, state: State, limb: int, joint: int, goals: Array) -> Reach:
     """Return what a robot reaches with a joint of a limb locked at its angle in a state.
 
@@ -69,7 +83,10 @@ def reach_without(graph: TwoLimbGraph, state: State, limb: int, joint: int, goal
     to which it has a plan. A limb of six stays at its point: counted are the stances that it can
     hold there, and the goals at which they are. Raises a `RobotError` if it cannot move at all.
     """
-    if graph.robot.every_limb[limb].held_joint is None:
+    state, chosen = graph.validated_state(state), graph.robot.every_limb[limb]
+    if joint > len(chosen.joint_limits):
+        raise SettingError(f"joint is {joint}; limb {limb} has {len(chosen.joint_limits)} joints")
+    if chosen.held_joint is None:
         return _on_the_spot(graph, state, limb, joint, goals)
     robot = _locked(graph, state, [(limb, joint)])[0]
     locked = in_same_world(graph, robot=robot)

@@ -52,7 +52,7 @@ class Candidate(NamedTuple):
     seconds: float
     """Duration of all steps [s]."""
     impulse: float
-    """Total impulse of all steps on the station, see `simulation.reaction` [N s]."""
+    """Total impulse of all steps on the station, see `reaction` [N s]."""
     peak_force: float
     """Largest force on the station that the planned motion needs [N]."""
 

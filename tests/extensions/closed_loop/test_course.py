@@ -45,9 +45,9 @@ def test_what_remains_is_followed_without_a_search_until_it_is_blocked(
     best = planner.plan(START, GOAL, cost)
     start, state = graph.state(START), after_step(graph, best.unwrap())
     rest = planner.plan(state, GOAL, cost).unwrap()
-    worse = planner.plan(state, GOAL, cost, options=SearchOptions(method="greedy"))
-    assert worse.unwrap().cost > rest.cost + 0.01
-    course, asked = course_of(best, worse)
+    other = planner.plan(state, GOAL, cost, options=SearchOptions(method="greedy"))
+    assert other.unwrap().stances != rest.stances
+    course, asked = course_of(best, other)
     course.replan(start)
     assert (course.plan, course.taken) == (best.plan, 0)
     course.taken += 1
@@ -57,7 +57,7 @@ def test_what_remains_is_followed_without_a_search_until_it_is_blocked(
     assert found.cost == pytest.approx(rest.cost)
     graph.occupy([best.unwrap().actions[1][1]])
     course.replan(state)
-    assert (course.plan, course.taken, len(asked)) == (worse.plan, 0, 2)
+    assert (course.plan, course.taken, len(asked)) == (other.plan, 0, 2)
 
 
 def test_where_nothing_is_possible_less_is_believed_before_more_effort_is_spent(
