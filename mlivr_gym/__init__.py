@@ -18,7 +18,6 @@ import mlivr_gym._headless  # noqa: F401
 from mlivr_gym._version import __version__
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.chain_limb import ChainLimb
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.settings import Settings
@@ -32,7 +31,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Box",
     "Capsule",
-    "ChainLimb",
     "GraspMap",
     "Limb",
     "MlivrError",

@@ -8,7 +8,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.rigid import axes_of
+from mlivr_gym.robot.link_frames import turn_about_z
 
 
 def check_build(robot: DerivedFigures) -> None:
@@ -78,13 +78,12 @@ def _samples(axis: Array) -> Array:
 
 def _swept_shoulder(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]:
     """Return axes and radii of a shoulder's capsules at angles of joint 1, in the body frame."""
-    (offset, quaternion), swept = robot.every_limb[limb].link_offsets[0], []
+    first, swept = robot.every_limb[limb].steps[0], []
     for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
-        c, s = np.cos(angle), np.sin(angle)
-        turn = axes_of(quaternion) @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        frame = first @ turn_about_z(angle)
         for shape in robot.mounted[limb].capsules or ():
             if shape.link == "shoulder":
-                axis = np.array([shape.start, shape.end]) @ turn.T + np.array(offset)
+                axis = np.array([shape.start, shape.end]) @ frame[:3, :3].T + frame[:3, 3]
                 axis = robot.mount_positions[limb] + axis @ robot.mount_rotations[limb].T
                 swept.append((axis, shape.radius))
     return swept

@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
-from mlivr_gym.robot.limb import Limb, LimbBase
+from mlivr_gym.robot.limb import LIMB, Limb, frames_of_dh, ur_dh
 from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
@@ -26,6 +26,9 @@ ARMS = ("ur3e", "ur5e", "ur10e")
 
 SAME_LENGTH = 1e-3
 """Limbs whose links differ by less are one kind of arm [m]: calibrated figures vary a little."""
+
+OLD_FIELDS = frozenset({"family", "d1", "a2", "a3", "d4", "d5", "d6"})
+"""Fields of limbs in files of earlier versions."""
 
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
@@ -156,15 +159,16 @@ def gripper_link(mass: float, tool_length: float) -> RigidBody:
     return cylinder(mass, radius, max(tool_length, 0.01), 0.5 * tool_length)
 
 
+@cache
 def arm_limb(name: str) -> Limb:
     """Return the lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
-    d1, a2, a3, d4, d5, d6 = (data["dh"][key] for key in ("d1", "a2", "a3", "d4", "d5", "d6"))
+    rows = ur_dh(*(data["dh"][name] for name in ("d1", "a2", "a3", "d4", "d5", "d6")))
     limits = tuple((low, high) for low, high in data["joint_limits"]["position"])
-    return Limb(d1, a2, a3, d4, d5, d6, joint_limits=limits)
+    return Limb(*frames_of_dh(rows), limits)
 
 
-def arm_of(limb: LimbBase) -> str | None:
+def arm_of(limb: Limb) -> str | None:
     """Return the name of the arm that ships with the lengths of a limb, or None."""
     for name in ARMS:
         if np.abs(limb.steps - arm_limb(name).steps).max() < SAME_LENGTH:
@@ -172,7 +176,7 @@ def arm_of(limb: LimbBase) -> str | None:
     return None
 
 
-def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
+def dynamics_by_lengths(limb: Limb, robot: str, source: str) -> LimbDynamics:
     """Return the dynamics of the arm that ships with the lengths of a limb.
 
     Raises a `RobotError` if no arm that ships has them: another arm's figures would be wrong
@@ -184,7 +188,7 @@ def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
             f"robot {robot!r} cannot be simulated: its limbs' links are "
             f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
             "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
-            "to take that arm's figures"
+            f"to take that arm's figures (source of the robot: {source or 'not told'})"
         )
     return arm_dynamics(name)
 
@@ -202,8 +206,17 @@ class Named:
         """Return the record."""
         if isinstance(value, str):
             return self.make(Choice(ARMS).read(value, place))
+        if isinstance(value, dict) and OLD_FIELDS & value.keys():
+            raise place.fault(
+                "is told by a family or lengths, as limbs no longer are; give origins and "
+                "quaternions of the links, which frames_of_dh of mlivr_gym.robot.limb makes of a "
+                "DH table, or read the arm from its URDF or MJCF"
+            )
         return self.kind.read(value, place)
 
 
 LIMB_DYNAMICS = Struct.of(LimbDynamics)
 """Fields of a `LimbDynamics`."""
+
+GIVEN_LIMB = Named(LIMB, arm_limb)
+"""Validator of a limb, its name or plain data."""

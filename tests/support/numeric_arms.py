@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.robot.chain_limb import ChainLimb
+from mlivr_gym.robot.limb import Limb, frames_of_dh
 from mlivr_gym.robot.link_frames import link_frames
 
 RIGHT = 0.5 * np.pi
@@ -47,12 +47,7 @@ def after_joint(row):
 
 def limb_of(table, limits=TURN):
     """The limb of a table."""
-    steps = [np.eye(4), *map(after_joint, table[:5])]
-    steps[5] = steps[5] @ after_joint(table[5])
-    origins = tuple(tuple((step[:3, 3] + 0.0).tolist()) for step in steps)
-    turns = (Rotation.from_matrix(step[:3, :3]) for step in steps)
-    quaternions = tuple(tuple(turn.as_quat(scalar_first=True).tolist()) for turn in turns)
-    return ChainLimb(origins, quaternions, limits)
+    return Limb(*frames_of_dh(table), limits)
 
 
 def frames_of(name):
