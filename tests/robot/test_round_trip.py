@@ -48,7 +48,7 @@ def assert_same(one, other):
         limbs = one.every_limb[i], other.every_limb[i]
         angles = rng.uniform(-np.pi, np.pi, (5, 6))
         close(*(link_frames(limb, angles)[:, -1] for limb in limbs))
-        close(one.every_limb[i].window_starts, other.every_limb[i].window_starts)
+        close(one.every_limb[i].windows, other.every_limb[i].windows)
         mine, theirs = one.dynamics_of(i), other.dynamics_of(i)
         for figure in mine.__dataclass_fields__:
             a, b = getattr(mine, figure), getattr(theirs, figure)
