@@ -141,7 +141,7 @@ class Meshes:
             if mesh.name not in used:
                 spec.delete(mesh)
             elif file is not None:
-                mesh.file = f"{k}{file.suffix.lower()}"
+                mesh.file = f"{k}-{file.stem[-40:]}{file.suffix.lower()}"
                 assets[mesh.file] = mesh_bytes(file)
         spec.assets = assets
         for part in (*spec.skins, *spec.materials, *spec.textures):

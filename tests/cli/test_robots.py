@@ -7,7 +7,7 @@ import numpy as np
 from robot_texts import FRANKA, IIWA14, UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.cli.arguments import environment_arguments, world_options
+from mlivr_gym.cli.arguments import environment_arguments, output_options, world_options
 from mlivr_gym.cli.robots import chosen_robot
 
 
@@ -15,6 +15,7 @@ def parsed(*words):
     """The options of a command that takes a robot."""
     parser = argparse.ArgumentParser()
     world_options(parser)
+    output_options(parser)
     parser.set_defaults(default=parser.get_default)
     return parser.parse_args(words)
 
