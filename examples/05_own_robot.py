@@ -27,7 +27,8 @@ print(f"{three.name}: {result.message}")
 # A robot from a file: here a URDF that the package writes; your own serves as well.
 robot_spec("mlivr2").to_urdf("two_arms.urdf")
 described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
-print(f"{described.name}: arms of {described.limb.arm_length:.3f} m, masses {described.dynamics_source}")
+length, masses = described.limb.arm_length, described.dynamics_source
+print(f"{described.name}: arms of {length:.3f} m, masses {masses}")
 graph = stance_graph(robot=described)
 result = Planner(graph).plan(("D2a:4", "D2b:4"), (3.5, 0.0, -0.1), "steps")
 print(f"{described.name}: {result.message}")

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
+from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from reports import table
 
 import mlivr_gym.robot.json_schema  # registers its kinds, as does the next
@@ -17,7 +18,6 @@ import mlivr_gym.world.json_schema  # noqa: F401
 from mlivr_gym.json_schema import json_schema_of
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT

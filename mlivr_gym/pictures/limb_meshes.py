@@ -153,7 +153,7 @@ def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]
         parent = links.get(link.parent)
         if parent is None:
             continue
-        for body, joint in ((parent, link.origin), (link, np.zeros(3))):
+        for body, joint in ((parent, link.frame[:3, 3]), (link, np.zeros(3))):
             ends = [np.linspace(shape.start, shape.end, AXIS_SAMPLES) for shape in body.capsules]
             if ends:
                 axes = np.concatenate(ends)

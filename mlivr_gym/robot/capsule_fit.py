@@ -2,9 +2,9 @@
 
 A shape is a union of triangles, or of one ball or two: a sphere is one, a capsule two. A shape that
 one capsule fits badly is cut in two across one of its two longer principal axes, and each piece is
-fitted again. The excess is the Hausdorff distance of the capsule and the convex hull of its shape: of two
-convex sets, one in the other, it is the largest difference of their support functions over all
-directions.
+fitted again. The excess is the Hausdorff distance of the capsule and the convex hull of its shape:
+of two convex sets, one in the other, it is the largest difference of their support functions over
+all directions.
 """
 
 from __future__ import annotations
@@ -78,8 +78,8 @@ def solid_of(model: Any, geom: int) -> Hull | None:
     if kind == kinds.mjGEOM_CYLINDER:
         angles = 2.0 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS
         rim = np.stack([np.cos(angles), np.sin(angles)], axis=1) / np.cos(np.pi / SEGMENTS)
-        ends = [np.column_stack([size[0] * rim, np.full(SEGMENTS, z)]) for z in (-size[1], size[1])]
-        return _hull(np.vstack(ends))
+        rims = [np.column_stack([size[0] * rim, np.full(SEGMENTS, z)]) for z in (-size[1], size[1])]
+        return _hull(np.vstack(rims))
     if kind == kinds.mjGEOM_ELLIPSOID:
         # The triangles between neighbouring directions cut off less than 1 % of the radius.
         return _hull(directions() * size * 1.01)

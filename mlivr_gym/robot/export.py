@@ -25,6 +25,7 @@ from mlivr_gym.values import as_triple
 if TYPE_CHECKING:
     from mlivr_gym.robot.specification import RobotSpec
 
+
 def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 

@@ -141,7 +141,7 @@ def _chain_of(tree: Tree, arm: FileArm, flange: Array, up: Array | None) -> tupl
     try:
         limb = Limb(
             tuple(as_triple(step[:3, 3]) for step in steps),
-            tuple(quaternion_of(step[:3, :3]) for step in steps),
+            tuple(map(tuple, quaternion_of(np.array(steps)[:, :3, :3]).tolist())),
             tuple(_limits(tree, joint) for joint in joints),
             None if (senses > 0.0).all() else tuple(senses.tolist()), **held,
         )  # fmt: skip
@@ -222,7 +222,6 @@ def _dynamics(
         tuple(float(one.torque or 0.0) for one in joints),
         tuple(float(one.speed or 0.0) for one in joints),
         tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors),
-        None,
         base.centre if base.mass else None,
         base.inertia if base.mass else None,
     )

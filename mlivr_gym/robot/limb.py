@@ -103,7 +103,7 @@ def frames_of_dh(rows: Sequence[Triple]) -> tuple[tuple[Triple, ...], tuple[Any,
         raise RobotError(f"a of the last row is {rows[-1][1]:g} m; the flange lies on its axis")
     steps[-1] = steps[-1] @ step
     places = tuple(as_triple(step[:3, 3] + 0.0) for step in steps)
-    return places, tuple(quaternion_of(step[:3, :3]) for step in steps)
+    return places, tuple(map(tuple, quaternion_of(np.array(steps)[:, :3, :3]).tolist()))
 
 
 ORIGINS, QUATERNIONS = frames_of_dh(ur_dh())

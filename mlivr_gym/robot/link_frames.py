@@ -53,10 +53,9 @@ def axes_of(quaternion: Sequence[float]) -> Array:
     )
 
 
-def quaternion_of(rotation: Array) -> tuple[float, float, float, float]:
-    """Return the quaternion w, x, y, z of a rotation matrix."""
+def quaternion_of(rotation: Array) -> Array:
+    """Return the quaternions w, x, y, z of rotation matrices, shapes (..., 3, 3) -> (..., 4)."""
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
-    w, x, y, z = (turn + 0.0).tolist()
-    return w, x, y, z
+    turns = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(turns + 0.0, dtype=np.float64)

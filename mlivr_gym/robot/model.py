@@ -130,7 +130,6 @@ def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterato
     yield RobotLink(f"limb{i}/gripper", parent, np.eye(4), gripper, parts["gripper"], None)
 
 
-
 def known_dynamics(robot: DerivedFigures, limb: int) -> LimbDynamics:
     """Return the dynamics of a limb, those of the UR5e if they are not known."""
     known = robot.mounted[limb].dynamics is not None or arm_of(robot.every_limb[limb]) is not None

@@ -20,9 +20,9 @@ from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.robot.build_checks import check_build, check_cargo
 from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
+from mlivr_gym.robot.cargo_checks import check_cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
@@ -229,9 +229,7 @@ class RobotSpec(DerivedFigures):
 
         file = read_robot(path, **options)
         place = FieldPath(f"robot {path_shown(path)}", RobotError)
-        robot = place.build(cls.from_dict, file.fields)
-        place.build(check_build, robot)
-        return robot
+        return place.build(cls.from_dict, file.fields)
 
     from_mjcf = from_urdf
     """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""

@@ -55,6 +55,15 @@ def test_packages_are_found_in_the_folders_that_are_named(tmp_path):
     assert robot == RobotSpec.from_urdf(path, package_dirs=[elsewhere.parent])
 
 
+def test_links_that_touch_in_every_posture_are_not_compared_on_request(tmp_path):
+    """Shapes of forearm and wrist 2 are so large that they meet around the joints between."""
+    path = written(tmp_path, one_arm().replace('radius="0.03"', 'radius="0.12"'))
+    assert chosen("--robot", path).apart == ()
+    apart = chosen("--robot", path, "--allow-touching").apart
+    assert ("forearm", "wrist_2") in apart
+    assert ("base", "upper_arm") not in apart
+
+
 def test_joints_that_have_failed_are_those_of_with_failed_joint(run, ladder_file):
     words = ["--robot", "mlivr2-iiwa", "--failed-joint", "0", "2", "-1.5"]
     words += ["--failed-joint", "1", "5", "0.25"]

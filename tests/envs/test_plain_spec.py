@@ -9,12 +9,12 @@ import pytest
 from gymnasium.envs.registration import EnvSpec
 
 from mlivr_gym import Limb, RobotSpec
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.envs.rewards import BaseReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 

@@ -4,14 +4,13 @@ import numpy as np
 import oracle
 import pytest
 
-from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym import Capsule, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.robot.specification import ROBOTS
-from mlivr_gym.values import MIN_SIZE
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 

@@ -79,4 +79,5 @@ def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
     path = written(tmp_path, one_arm(frames=published_frames()))
     robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="joint1")
     figures = closed_form(robot.limb.steps)[0].figures
-    np.testing.assert_allclose([abs(figures[name]) for name in ("a2", "a3", "d4", "d5", "d6")], LENGTHS, atol=1e-6)
+    found = [abs(figures[name]) for name in ("a2", "a3", "d4", "d5", "d6")]
+    np.testing.assert_allclose(found, LENGTHS, atol=1e-6)

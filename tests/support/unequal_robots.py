@@ -1,6 +1,6 @@
 """Robots whose limbs differ, on mounts that are tilted and not evenly spread."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 
 import numpy as np

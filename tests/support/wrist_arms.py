@@ -55,9 +55,7 @@ class Lengths(NamedTuple):
         else:
             upper = [((0.0, 0.0, self.d2), BACK), ((self.b2, -self.d3, self.a2), FORTH)]
         origins, quaternions = zip(*base, *upper, *fore, strict=True)
-        made = Limb(
-            origins, quaternions, limits, held_joint=held_joint, held_angle=held_angle
-        )
+        made = Limb(origins, quaternions, limits, held_joint=held_joint, held_angle=held_angle)
         KNOWN[origins] = self
         return made
 

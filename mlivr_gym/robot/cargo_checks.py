@@ -1,4 +1,4 @@
-"""Whether the limbs of a robot can move where they are mounted."""
+"""Whether the limbs of a robot can move beside its cargo."""
 
 from __future__ import annotations
 
@@ -9,27 +9,6 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.link_frames import turn_about_z
-
-
-def check_build(robot: DerivedFigures) -> None:
-    """Refuse a body on which the limbs cannot move."""
-    half = 0.5 * robot.body_edges
-    limbs, positions, turns = robot.every_limb, robot.mount_positions, robot.mount_rotations
-    shoulders = [
-        p + limb.shoulder_height * turn[:, 2]
-        for limb, p, turn in zip(limbs, positions, turns, strict=True)
-    ]
-    for i, shoulder in enumerate(shoulders):
-        inside = float((half - np.abs(shoulder)).min())
-        if inside > 0.0:
-            raise RobotError(
-                f"the shoulder of limb {i} lies {inside:.3g} m inside the body, a box of "
-                f"{' by '.join(f'{edge:g}' for edge in robot.body_edges)} m; mount it farther out, "
-                "or give a smaller body_size"
-            )
-    for i in range(robot.limbs):
-        for j in range(i):
-            _check_pair(robot, (i, j), (shoulders[i], shoulders[j]))
 
 
 def check_cargo(robot: DerivedFigures) -> None:
@@ -89,31 +68,6 @@ def _swept_shoulder(robot: DerivedFigures, limb: int) -> list[tuple[Array, float
     return swept
 
 
-def _check_pair(
-    robot: DerivedFigures, pair: tuple[int, int], shoulders: tuple[Array, Array]
-) -> None:
-    """Refuse two limbs whose bases or shoulders overlap, or that never reach points of a stance."""
-    i, j = pair
-    limbs, apart = robot.every_limb, float(np.linalg.norm(shoulders[0] - shoulders[1]))
-    reach = limbs[i].reach + limbs[j].reach + 2.0 * robot.tool_length
-    if apart - reach > robot.span:
-        raise RobotError(
-            f"limbs {j} and {i} are mounted {apart:.3g} m apart and reach {reach:.3g} m together; "
-            f"the points of a stance lie at most {robot.span:.3g} m apart (span)"
-        )
-    radius = [_shoulder_radius(robot, limb) for limb in (i, j)]
-    gaps = [apart - sum(radius)] if min(radius) > 0.0 else []
-    for shoulder, ball, other in zip(shoulders, radius, (j, i), strict=True):
-        for axis, around in _fixed_shapes(robot, other) if ball > 0.0 else ():
-            gaps.append(_point_distance(shoulder, axis) - around - ball)
-    if min(gaps, default=0.0) < 0.0:
-        raise RobotError(
-            f"limbs {j} and {i} meet at rest: where they are mounted their shoulders overlap by "
-            f"{-min(gaps):.3g} m; mount them farther apart, with a larger mount_radius or fewer "
-            "limbs"
-        )
-
-
 def _fixed_shapes(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]:
     """Return axes and radii of the capsules of a limb that are fixed to the body."""
     turn, position = robot.mount_rotations[limb], robot.mount_positions[limb]
@@ -122,22 +76,3 @@ def _fixed_shapes(robot: DerivedFigures, limb: int) -> list[tuple[Array, float]]
         for shape in robot.mounted[limb].capsules or ()
         if shape.link == "base"
     ]
-
-
-def _shoulder_radius(robot: DerivedFigures, limb: int) -> float:
-    """Return the radius of a ball about the shoulder that its capsules fill, 0 if none does [m]."""
-    return max(
-        (
-            shape.radius - _point_distance(np.zeros(3), np.array([shape.start, shape.end]))
-            for shape in robot.mounted[limb].capsules or ()
-            if shape.link == "shoulder"
-        ),
-        default=0.0,
-    )
-
-
-def _point_distance(point: Array, segment: Array) -> float:
-    along = segment[1] - segment[0]
-    square = float(along @ along)
-    share = float(np.clip((point - segment[0]) @ along / square, 0.0, 1.0)) if square else 0.0
-    return float(np.linalg.norm(point - segment[0] - share * along))
