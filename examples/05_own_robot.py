@@ -4,9 +4,11 @@ import dataclasses
 
 from mlivr_gym import Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.planners import Planner
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 
-# Lengths of the UR10e, standard DH convention [m]; its shapes are the UR5e's, stretched.
-arm = Limb(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
+# The UR10e by its DH table [m]; its shapes are simple ones along the links.
+table = ur_dh(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
+arm = Limb(*frames_of_dh(table))
 long_arms = RobotSpec(name="long arms", limb=arm, heights=(0.8, 0.9, 1.0, 1.1), span=3.2)
 
 graph = stance_graph(robot=long_arms)
@@ -25,7 +27,8 @@ print(f"{three.name}: {result.message}")
 # A robot from a file: here a URDF that the package writes; your own serves as well.
 robot_spec("mlivr2").to_urdf("two_arms.urdf")
 described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
-print(f"{described.name}: lengths {described.limb.lengths} m, masses {described.dynamics_source}")
+length, masses = described.limb.arm_length, described.dynamics_source
+print(f"{described.name}: arms of {length:.3f} m, masses {masses}")
 graph = stance_graph(robot=described)
 result = Planner(graph).plan(("D2a:4", "D2b:4"), (3.5, 0.0, -0.1), "steps")
 print(f"{described.name}: {result.message}")

@@ -17,7 +17,6 @@ import mlivr_gym.world.json_schema  # noqa: F401
 from mlivr_gym.json_schema import json_schema_of
 from mlivr_gym.motion import Trajectory
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
-from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from mlivr_gym.errors import MlivrError
     from mlivr_gym.planners.planner import Planner
     from mlivr_gym.robot.capsules import Capsule
-    from mlivr_gym.robot.chain_limb import ChainLimb
     from mlivr_gym.robot.limb import Limb
     from mlivr_gym.robot.specification import RobotSpec, robot_spec
     from mlivr_gym.settings import Settings
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
 __all__ = [
     "Box",
     "Capsule",
-    "ChainLimb",
     "GraspMap",
     "Limb",
     "MlivrError",

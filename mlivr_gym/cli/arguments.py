@@ -10,7 +10,7 @@ import numpy as np
 
 from mlivr_gym.arguments import Reader
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.cli.robots import OF_ROBOT, cargo_of, chosen_robot, failed_joint_of
+from mlivr_gym.cli.robots import OF_ROBOT, cargo_of, chosen_robot, failed_joint_of, is_described
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import NoPlanError, SettingError, StanceError
 from mlivr_gym.motion.plan_parts import COSTS
@@ -120,6 +120,8 @@ def world_options(parser: argparse.ArgumentParser) -> None:
     text = "link or site of a URDF or MJCF file at which limbs grasp, or one for each limb"
     option(parser, "--tool-frame LINK...", text)
     option(parser, "--package-dir DIR...", "folders with the packages that a URDF file names")
+    text = "do not compare neighbouring links of a limb that touch in every posture"
+    option(parser, "--allow-touching", text)
     text = "joint of a seven-joint limb that is locked: limb from 0, joint from 1, angle [rad]; "
     option(
         parser, "--failed-joint LIMB JOINT RAD", f"{text}may be given for several limbs", [],
@@ -338,7 +340,8 @@ def environment_arguments(args: argparse.Namespace) -> dict[str, Any]:
     changed = {name: value for name, value in given.items() if value != args.default(name)}
     if args.unit is not None:
         changed["map"] = chosen_map(args).to_dict()
-    if any(getattr(args, name) != args.default(name) for name in OF_ROBOT if name in args):
+    told = any(getattr(args, name) != args.default(name) for name in OF_ROBOT if name in args)
+    if told or is_described(args):
         changed["robot"] = chosen_robot(args).to_dict()
         changed.pop("cargo", None)
     return changed | _switched_off(args)

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
+import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from mlivr_gym.arguments import ANY_NUMBER
+from mlivr_gym.collisions.always_close import always_close_links
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
 from mlivr_gym.robot.specification import MOST_LIMBS, SUFFIXES, RobotSpec, robot_spec
+from mlivr_gym.robot.validators import APART
 from mlivr_gym.schema import FieldPath, Integer
 
 OF_FILES = ("held_joint", "held_angle", "tool_frame", "package_dir")
 """Options that only the file of a robot without a mount or a held joint needs."""
 
-OF_ROBOT = (*OF_FILES, "failed_joint")
+OF_ROBOT = (*OF_FILES, "failed_joint", "allow_touching")
 """Options that make a robot another than that of `--robot`."""
 
 NONE = "none"
@@ -37,18 +41,31 @@ def failed_joint_of(given: Any, place: FieldPath) -> tuple[int, int, float]:
     )
 
 
+def is_described(args: argparse.Namespace) -> bool:
+    """Return whether the robot of `--robot` is a URDF or MJCF file."""
+    return Path(args.robot).suffix.lower() in SUFFIXES
+
+
 def described_robot(args: argparse.Namespace) -> RobotSpec:
-    """Return the robot of `--robot` and of the options on its file and its failed joints."""
+    """Return the robot of `--robot` and of the options on its file and its failed joints.
+
+    What a URDF or MJCF file leaves open, and what is assumed in its place, is printed.
+    """
     given = {name: getattr(args, name) for name in OF_FILES if getattr(args, name) is not None}
     if not given:
         robot = robot_spec(args.robot)
-    elif Path(args.robot).suffix.lower() not in SUFFIXES:
+    elif not is_described(args):
         raise SettingError(
             f"--{next(iter(given)).replace('_', '-')} has no effect with --robot {args.robot}, "
             "which is no URDF or MJCF file; leave it out"
         )
     else:
         robot = RobotSpec.from_urdf(args.robot, **_as_arguments(given))
+    if is_described(args) and not args.quiet:
+        print(f"robot of {args.robot}: {robot.source}", file=sys.stderr)
+    if args.allow_touching:
+        touching = set(always_close_links(robot, args.clearance)) & set(APART)
+        robot = replace(robot, apart=tuple(p for p in APART if p in {*robot.apart, *touching}))
     for failed in args.failed_joint:
         robot = robot.with_failed_joint(*failed)
     return robot

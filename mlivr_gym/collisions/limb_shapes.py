@@ -12,9 +12,9 @@ from mlivr_gym.collisions.allowed_collisions import BODY, allowed_pair
 from mlivr_gym.compiled.records import Record, Rows, Vector
 from mlivr_gym.kinematics.chain_record import set_chain
 from mlivr_gym.kinematics.limb import MountedArm
-from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.cargo import Cargo
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
@@ -302,7 +302,7 @@ def cube_capsules(half: float) -> tuple[Array, Array]:
     return ends, np.full(4, np.sqrt(3.0) * at)
 
 
-def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -> bool:
+def _can_meet(spec: RobotSpec, limb: Limb, first: Capsule, second: Capsule) -> bool:
     """Return whether two capsules of one limb are compared, see `allowed_collisions`."""
     row = allowed_pair(first.link, second.link)
     if row is None or not row.checked:
@@ -323,7 +323,7 @@ def _can_meet(spec: RobotSpec, limb: AnyLimb, first: Capsule, second: Capsule) -
     return bool(gap < first.radius + second.radius)
 
 
-def _on_flange_axis(limb: AnyLimb, capsule: Capsule) -> bool:
+def _on_flange_axis(limb: Limb, capsule: Capsule) -> bool:
     """Return whether a capsule of wrist 2 lies on the flange axis."""
     if capsule.link != "wrist_2":
         return False

@@ -168,7 +168,7 @@ def lever_arms(robot: RobotSpec, moving: int) -> Array:
     """
     out = np.empty((robot.limbs, 6))
     for limb, arm in enumerate(robot.every_limb):
-        steps = np.array([np.linalg.norm(place) for place, _ in arm.link_offsets])
+        steps = np.linalg.norm(arm.steps[:, :3, 3], axis=1)
         if limb == moving:
             out[limb] = steps[::-1].cumsum()[::-1] - steps + robot.tool_length
         else:

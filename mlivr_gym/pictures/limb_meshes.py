@@ -18,10 +18,11 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.robot.colours import LIMB_COLOURS
+from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.robot.visuals import MESH_FORMATS, Visual
+from mlivr_gym.robot.visuals import Visual
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -152,7 +153,7 @@ def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]
         parent = links.get(link.parent)
         if parent is None:
             continue
-        for body, joint in ((parent, link.origin), (link, np.zeros(3))):
+        for body, joint in ((parent, link.frame[:3, 3]), (link, np.zeros(3))):
             ends = [np.linspace(shape.start, shape.end, AXIS_SAMPLES) for shape in body.capsules]
             if ends:
                 axes = np.concatenate(ends)

@@ -10,7 +10,6 @@ from mlivr_gym.lazy import lazy
 if TYPE_CHECKING:
     from mlivr_gym.robot.capsules import Capsule
     from mlivr_gym.robot.cargo import Cargo, LockedLimb
-    from mlivr_gym.robot.chain_limb import ChainLimb
     from mlivr_gym.robot.from_file import read_robot
     from mlivr_gym.robot.limb import Limb
     from mlivr_gym.robot.limb_dynamics import LimbDynamics
@@ -30,7 +29,6 @@ __all__ = [
     "ROBOTS",
     "Capsule",
     "Cargo",
-    "ChainLimb",
     "Limb",
     "LimbDynamics",
     "LockedLimb",

@@ -1,10 +1,10 @@
 """Capsules that contain the collision shapes of a link, and by how much they exceed them.
 
-A shape is the convex hull of its corners, each of which may be a ball: a sphere is one, a capsule
-two, a box eight, a mesh its triangles. A shape that one capsule fits badly is cut in two across its
-longest direction, and each piece is fitted again. The excess is the Hausdorff distance of capsule
-and shape: of two convex sets, one in the other, it is the largest difference of their support
-functions over all directions.
+A shape is a union of triangles, or of one ball or two: a sphere is one, a capsule two. A shape that
+one capsule fits badly is cut in two across one of its two longer principal axes, and each piece is
+fitted again. The excess is the Hausdorff distance of the capsule and the convex hull of its shape:
+of two convex sets, one in the other, it is the largest difference of their support functions over
+all directions.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ MOST_PIECES = 8
 GAIN = 0.9
 """A cut must bring the largest excess of the capsules below this share of what it was."""
 
-CUTS = (0.25, 0.35, 0.5, 0.65, 0.75)
+CUTS = (0.3, 0.5, 0.7)
 """Where along each principal axis a shape may be cut, as shares of its length."""
 
 ROUNDED = 1e-9
 """Excess that counts as none [m]."""
 
-DIRECTIONS = 2000
-"""Number of directions over which the excess is computed."""
+DIRECTIONS = 600
+"""Number of directions over which the excess is computed, and of corners of an ellipsoid."""
 
 SEGMENTS = 48
 """Number of corners that stand for the rim of a cylinder."""
 
 
 class Hull(NamedTuple):
-    """The convex hull of balls; of a mesh, the union of its triangles."""
+    """A shape, of which what counts is its convex hull."""
 
     points: Array
-    """Centres of the balls [m], shape (k, 3)."""
+    """Corners of the hull, or centres of balls [m], shape (k, 3)."""
     radius: float
-    """Their radius [m]."""
-    triangles: Array | None = None
-    """Corners of triangles [m], shape (t, 3, 3); None for a convex primitive."""
+    """Radius of the balls, of triangles 0 [m]."""
+    triangles: Array
+    """Corners of triangles [m], shape (t, 3, 3); none of balls."""
 
 
 class FittedCapsule(NamedTuple):
@@ -69,36 +69,28 @@ def solid_of(model: Any, geom: int) -> Hull | None:
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_SPHERE:
-        return Hull(np.zeros((1, 3)), float(size[0]))
+        return Hull(np.zeros((1, 3)), float(size[0]), np.empty((0, 3, 3)))
     if kind == kinds.mjGEOM_CAPSULE:
-        return Hull(np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0]))
+        ends = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]])
+        return Hull(ends, float(size[0]), np.empty((0, 3, 3)))
     if kind == kinds.mjGEOM_BOX:
-        return Hull(np.array(list(product((-1.0, 1.0), repeat=3))) * size, 0.0)
-    if kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_ELLIPSOID):
-        return Hull(_round_points(size, kind == kinds.mjGEOM_CYLINDER), 0.0)
+        return _hull(np.array(list(product((-1.0, 1.0), repeat=3))) * size)
+    if kind == kinds.mjGEOM_CYLINDER:
+        angles = 2.0 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS
+        rim = np.stack([np.cos(angles), np.sin(angles)], axis=1) / np.cos(np.pi / SEGMENTS)
+        rims = [np.column_stack([size[0] * rim, np.full(SEGMENTS, z)]) for z in (-size[1], size[1])]
+        return _hull(np.vstack(rims))
+    if kind == kinds.mjGEOM_ELLIPSOID:
+        # The triangles between neighbouring directions cut off less than 1 % of the radius.
+        return _hull(directions() * size * 1.01)
     if kind == kinds.mjGEOM_MESH:
         mesh = int(model.geom_dataid[geom])
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
         triangles = points[model.mesh_face[first : first + count]]
-        return _hull(points, 0.0, triangles) or Hull(points, 0.0, triangles)
+        return _hull(points, triangles) or Hull(points, 0.0, triangles)
     return None
-
-
-def _round_points(size: Array, is_cylinder: bool) -> Array:
-    """Return corners of a prism about a cylinder, or of a polyhedron about an ellipsoid [m]."""
-    if is_cylinder:
-        angles = 2.0 * np.pi * (np.arange(SEGMENTS) + 0.5) / SEGMENTS
-        rim = (
-            np.stack([np.cos(angles), np.sin(angles)], axis=1) * size[0] / np.cos(np.pi / SEGMENTS)
-        )
-        return np.vstack(
-            [np.column_stack([rim, np.full(SEGMENTS, z)]) for z in (-size[1], size[1])]
-        )
-    # Balls about neighbouring directions are 5 degrees apart at most.
-    scaled: Array = directions() * size * 1.005
-    return scaled
 
 
 @cache
@@ -113,8 +105,8 @@ def directions() -> Array:
 
 def moved_solid(solid: Hull, position: Array, rotation: Array) -> Hull:
     """Return a solid in the frame in which its own has a position and a rotation."""
-    triangles = None if solid.triangles is None else solid.triangles @ rotation.T + position
-    return Hull(solid.points @ rotation.T + position, solid.radius, triangles)
+    points, triangles = (part @ rotation.T + position for part in (solid.points, solid.triangles))
+    return Hull(points, solid.radius, triangles)
 
 
 def capsules_of(solid: Hull) -> list[FittedCapsule]:
@@ -138,20 +130,22 @@ def capsules_of(solid: Hull) -> list[FittedCapsule]:
     return [smallest_capsule(piece) for _, piece in pieces]
 
 
+def _principal(points: Array) -> tuple[Array, Array]:
+    """Return the principal axes of points, as columns, and the middle of their box along these."""
+    _, axes = np.linalg.eigh(np.cov(points.T))
+    along = points @ axes
+    middle: Array = axes @ (0.5 * (along.min(axis=0) + along.max(axis=0)))
+    return axes, middle
+
+
 def _fitted(solid: Hull) -> FittedCapsule:
     """Return the best capsule along a principal axis of the points or an axis of the frame."""
-    points, radius = solid.points, solid.radius
+    points = solid.points
     if len(points) <= 2:
-        return FittedCapsule(points[0], points[-1], radius, 0.0)
-    start, end, wide = _best_along(points)
-    return _with_excess(solid, start, end, wide + radius)
-
-
-def _best_along(points: Array) -> tuple[Array, Array, float]:
-    """Return the smallest capsule round points along a principal axis or an axis of the frame."""
-    centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    _, principal = np.linalg.eigh(np.cov((points - centre).T))
-    return min((_along(points, centre, axis) for axis in (*principal.T, *np.eye(3))), key=_volume)
+        return FittedCapsule(points[0], points[-1], solid.radius, 0.0)
+    axes, middle = _principal(points)
+    fits = (_along(points, middle, axis) for axis in (*axes.T, *np.eye(3)))
+    return _with_excess(points, *min(fits, key=_volume))
 
 
 def smallest_capsule(solid: Hull) -> FittedCapsule:
@@ -172,47 +166,39 @@ def smallest_capsule(solid: Hull) -> FittedCapsule:
 
     def shifted(x: Array) -> tuple[Array, Array, float]:
         through = middle + scale * (x[2:] @ across)
-        return _along(solid.points, through, axis + x[:2] @ across, False)
+        return _along(solid.points, through, axis + x[:2] @ across)
 
     found = minimize(
         lambda x: _volume(shifted(x)), np.zeros(4), method="Nelder-Mead",
         options={"maxiter": 150, "initial_simplex": np.vstack([np.zeros(4), 0.05 * np.eye(4)])},
     )  # fmt: skip
-    start, end, radius = shifted(found.x)
-    other = _with_excess(solid, start, end, radius + solid.radius)
+    other = _with_excess(solid.points, *shifted(found.x))
     return min(best, other, key=lambda fit: _volume(fit[:3]))
 
 
 def capsule_on_axis(solid: Hull) -> FittedCapsule:
     """Return the smallest capsule on the z axis that contains a solid."""
-    start, end, radius = _along(solid.points, np.zeros(3), np.array([0.0, 0.0, 1.0]), False)
-    return _with_excess(solid, start, end, radius + solid.radius)
+    points = solid.points
+    start, end, radius = _along(points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    return _with_excess(points, start, end, radius, solid.radius)
 
 
-def _with_excess(solid: Hull, start: Array, end: Array, radius: float) -> FittedCapsule:
-    """Return a capsule with its excess over a solid."""
+def _with_excess(
+    points: Array, start: Array, end: Array, radius: float, around: float = 0.0
+) -> FittedCapsule:
+    """Return a capsule round balls about points, with its excess; given is that of the points."""
     u = directions()
-    of_capsule = np.maximum(u @ start, u @ end) + radius
-    of_solid = (u @ solid.points.T).max(axis=1) + solid.radius
-    excess = float((of_capsule - of_solid).max())
-    return FittedCapsule(start, end, radius, excess if excess > ROUNDED else 0.0)
+    excess = float((np.maximum(u @ start, u @ end) + radius - (u @ points.T).max(axis=1)).max())
+    return FittedCapsule(start, end, radius + around, excess if excess > ROUNDED else 0.0)
 
 
-def _along(
-    points: Array, through: Array, axis: Array, centred: bool = True
-) -> tuple[Array, Array, float]:
-    """Return the smallest capsule round points whose axis has a direction: ends and radius.
-
-    The axis passes through the middle of the points' shadow if `centred`, else through `through`.
-    """
+def _along(points: Array, through: Array, axis: Array) -> tuple[Array, Array, float]:
+    """Return the smallest capsule round points about a line: ends and radius."""
     axis = axis / np.linalg.norm(axis)
     away = points - through
     height = away @ axis
     across = away - height[:, None] * axis
-    if centred:
-        shift = _middle(across)
-        through, across = through + shift, across - shift
-    far = np.linalg.norm(across, axis=1)
+    far = np.sqrt((across * across).sum(axis=1))
     # A little more than the farthest corner, whatever was rounded.
     radius = float(far.max()) * (1.0 + 1e-9) + 1e-12
     cap = np.sqrt(np.maximum(radius * radius - far * far, 0.0))
@@ -220,15 +206,6 @@ def _along(
     if low > high:
         low = high = 0.5 * (low + high)
     return through + low * axis, through + high * axis, radius
-
-
-def _middle(points: Array) -> Array:
-    """Return nearly the centre of the smallest ball round points (Badoiu and Clarkson 2003)."""
-    centre: Array = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    for k in range(1, 30):
-        farthest = points[np.argmax(((points - centre) ** 2).sum(axis=1))]
-        centre = centre + (farthest - centre) / (k + 1.0)
-    return centre
 
 
 def _volume(capsule: tuple[Array, Array, float]) -> float:
@@ -240,10 +217,9 @@ def _volume(capsule: tuple[Array, Array, float]) -> float:
 def _halves(solid: Hull) -> list[tuple[FittedCapsule, Hull]]:
     """Return a solid cut in two where two capsules fit best, empty if it cannot be cut."""
     points = solid.points
-    _, principal = np.linalg.eigh(np.cov((points - points.mean(axis=0)).T))
     best: list[tuple[FittedCapsule, Hull]] = []
     least = np.inf
-    for axis in principal.T:
+    for axis in _principal(points)[0].T[1:]:
         low, high = float((points @ axis).min()), float((points @ axis).max())
         for share in CUTS:
             middle = (low + share * (high - low)) * axis
@@ -255,26 +231,36 @@ def _halves(solid: Hull) -> list[tuple[FittedCapsule, Hull]]:
     return best
 
 
-def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
-    """Return the part of a solid on the side of a plane that an axis points to, None if flat."""
-    if solid.triangles is not None:
-        triangles = _cut_triangles(solid.triangles, point, axis)
-        return _hull(triangles.reshape(-1, 3), solid.radius, triangles)
-    inside = (solid.points - point) @ axis >= 0.0
-    pairs = np.argwhere(inside[:, None] & ~inside)
-    crossings = _crossings(solid.points[pairs[:, 0]], solid.points[pairs[:, 1]], point, axis)
-    return _hull(np.vstack([solid.points[inside], crossings]), solid.radius, None)
-
-
-def _hull(points: Array, radius: float, triangles: Array | None) -> Hull | None:
-    """Return a solid whose points are corners of the convex hull alone; None if it is flat."""
+def _hull(points: Array, triangles: Array | None = None) -> Hull | None:
+    """Return the solid of some triangles, by default those of the convex hull; None if flat."""
     from scipy.spatial import ConvexHull, QhullError
 
     try:
-        corners = ConvexHull(points).vertices
+        hull = ConvexHull(points)
     except (QhullError, ValueError):
         return None
-    return Hull(points[corners], radius, triangles)
+    faces = points[hull.simplices] if triangles is None else triangles
+    return Hull(points[hull.vertices], 0.0, faces)
+
+
+def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
+    """Return what remains of a solid on the side of a plane to which an axis points, None if flat.
+
+    Triangles that pass the plane are cut.
+    """
+    inside = (solid.triangles - point) @ axis >= 0.0
+    count = inside.sum(axis=1)
+    parts = [solid.triangles[count == 3]]
+    for kept in (1, 2):
+        # Turned so that the first corner is the one that is alone on its side.
+        cut, alone = solid.triangles[count == kept], inside[count == kept] == (kept == 1)
+        order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(cut, order[:, :, None], axis=1).swapaxes(0, 1)
+        ab, ac = _crossings(a, b, point, axis), _crossings(a, c, point, axis)
+        remaining = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
+        parts += [np.stack(corners, axis=1) for corners in remaining]
+    triangles = np.concatenate(parts)
+    return _hull(triangles.reshape(-1, 3), triangles)
 
 
 def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:
@@ -282,19 +268,3 @@ def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:
     low, high = (a - point) @ axis, (b - point) @ axis
     crossings: Array = a + (low / (low - high))[:, None] * (b - a)
     return crossings
-
-
-def _cut_triangles(triangles: Array, point: Array, axis: Array) -> Array:
-    """Return the triangles that remain of some on the side of a plane that an axis points to."""
-    inside = (triangles - point) @ axis >= 0.0
-    count = inside.sum(axis=1)
-    parts = [triangles[count == 3]]
-    for kept in (1, 2):
-        # Turned so that the first corner is the one that is alone on its side.
-        cut, alone = triangles[count == kept], inside[count == kept] == (kept == 1)
-        order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(cut, order[:, :, None], axis=1).swapaxes(0, 1)
-        ab, ac = _crossings(a, b, point, axis), _crossings(a, c, point, axis)
-        remaining = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
-        parts += [np.stack(corners, axis=1) for corners in remaining]
-    return np.concatenate(parts)

@@ -13,7 +13,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.limb import SixAngles
+from mlivr_gym.robot.limb import SIX_ANGLES
 from mlivr_gym.robot.limb_dynamics import MASSES, GivenInertia, check_inertia, gripper_link
 from mlivr_gym.robot.link_frames import link_frames, rigid
 from mlivr_gym.robot.mounts import MOUNT, Mount
@@ -34,7 +34,7 @@ class LockedLimb:
 
     mount: Annotated[Mount, MOUNT]
     """Place of the limb; its kinematics, capsules and dynamics must be given."""
-    joints: SixAngles
+    joints: Annotated[tuple[float, ...], SIX_ANGLES]
     """Joint angles [rad]."""
 
     def __post_init__(self) -> None:

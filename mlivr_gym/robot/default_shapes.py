@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import numpy as np
 
-from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import LINKS, Capsule
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import arm_data, arm_of
+from mlivr_gym.values import MIN_SIZE, Triple, as_triple
 
 MEASURED = "ur5e"
 """The arm whose capsules were fitted to its shapes."""
 
+THICKNESS, GAP = 0.06, 0.03
+"""Radius of simple shapes as a share of the length of the arm, and how far those of a link and the
+next but one are apart where the link between is straight [m]."""
 
-def default_capsules(limb: AnyLimb, tool_length: float) -> tuple[Capsule, ...]:
+
+def default_capsules(limb: Limb, tool_length: float) -> tuple[Capsule, ...]:
     """Return the capsules of a UR5e, or simple ones along the links, and a gripper.
 
     The gripper reaches from the flange to the grasp, `tool_length` away [m].
     """
     if arm_of(limb) != MEASURED:
-        return (*limb.link_capsules, gripper_capsule(tool_length))
+        return (*link_capsules(limb), gripper_capsule(tool_length))
     measured = (
         Capsule(entry["link"], tuple(entry["p0"]), tuple(entry["p1"]), entry["r"])
         for entry in arm_data(MEASURED)["capsules"]
@@ -26,14 +31,48 @@ def default_capsules(limb: AnyLimb, tool_length: float) -> tuple[Capsule, ...]:
     return (*measured, gripper_capsule(tool_length))
 
 
-def gripper_capsule(tool_length: float, behind: float = 0.0) -> Capsule:
-    """Return the capsule of a gripper that begins behind the flange and ends at the grasp [m]."""
+def gripper_capsule(tool_length: float) -> Capsule:
+    """Return the capsule of a gripper that begins at the flange and ends at the grasp [m]."""
     radius = arm_data(MEASURED)["gripper"]["radius"]
     tip = tool_length - radius
-    return Capsule("gripper", (0.0, 0.0, min(0.0 - behind, tip)), (0.0, 0.0, tip), radius)
+    return Capsule("gripper", (0.0, 0.0, min(0.0, tip)), (0.0, 0.0, tip), radius)
 
 
-def farthest_part(limb: AnyLimb, capsules: tuple[Capsule, ...], tool_length: float) -> float:
+def link_capsules(limb: Limb) -> tuple[Capsule, ...]:
+    """Return simple collision shapes along the links of a limb, without a gripper.
+
+    Each begins where it is clear of the end of the link before the last one, and the last one
+    before the wrist ends where it is clear of the flange; a link that is too short for that has
+    none.
+    """
+    radius, here = THICKNESS * limb.arm_length, (0.0, 0.0, 0.0)
+    places = [as_triple(step[:3, 3]) for step in limb.steps]
+    sizes = [max(float(np.linalg.norm(place)), MIN_SIZE) for place in places]
+    x, y, z = places[0]
+    out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
+    apart, before = 2.0 * radius + GAP, np.inf
+    fore = max((k for k in range(1, 5) if sizes[k] > radius), default=4)
+    for k in range(1, 5):
+        start = 0.0 if before > apart else apart
+        stop = sizes[k] - apart if k == fore else sizes[k]
+        if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":
+            first, last = (_share_of(min(at / sizes[k], 1.0), places[k]) for at in (start, stop))
+            out.append(Capsule(LINKS[k], first, last, radius))
+        before = sizes[k]
+    d6 = past_wrist(limb)
+    slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
+    end = -float(np.copysign(slim, d6))
+    return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
+
+
+def past_wrist(limb: Limb) -> float:
+    """Return how far the flange is along its axis from where that is closest to axis 5 [m]."""
+    z, origin = limb.steps[5, :3, 2], limb.steps[5, :3, 3]
+    across = np.array([z[0], z[1], 0.0])
+    return float(origin @ across / (across @ across))
+
+
+def farthest_part(limb: Limb, capsules: tuple[Capsule, ...], tool_length: float) -> float:
     """Return an upper bound of the distance of any part of a limb from its base [m]."""
     # In the order of `LINKS`, of which the gripper is on the flange.
     origins = (*limb.link_distances, limb.link_distances[-1])
@@ -42,3 +81,9 @@ def farthest_part(limb: AnyLimb, capsules: tuple[Capsule, ...], tool_length: flo
         end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
         farthest = max(farthest, origins[LINKS.index(capsule.link)] + end + capsule.radius)
     return farthest
+
+
+def _share_of(share: float, place: Triple) -> Triple:
+    """Return a part of the way from the origin to a place."""
+    x, y, z = place
+    return share * x, share * y, share * z

@@ -8,11 +8,12 @@ from functools import cached_property
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.default_shapes import default_capsules, farthest_part
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_of, dynamics_by_lengths
+from mlivr_gym.robot.link_frames import rigid
 from mlivr_gym.robot.mounts import Mount, even_mounts, even_rotations
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
 from mlivr_gym.robot.visuals import Visual
@@ -24,9 +25,10 @@ class DerivedFigures:
 
     name: str
     limbs: int
-    limb: AnyLimb
+    limb: Limb
     span: float
     body_mass: float
+    source: str
     gripper_mass: float
     body_centre: Triple
     body_inertia: tuple[float, ...] | None
@@ -103,7 +105,7 @@ class DerivedFigures:
         )
 
     @property
-    def every_limb(self) -> tuple[AnyLimb, ...]:
+    def every_limb(self) -> tuple[Limb, ...]:
         """Kinematics of each limb, N of them."""
         return tuple(mount.limb or self.limb for mount in self.mounted)
 
@@ -212,7 +214,7 @@ class DerivedFigures:
         ships: another arm's figures would be wrong without notice.
         """
         given = self.mounted[limb].dynamics
-        return given or dynamics_by_lengths(self.every_limb[limb], self.name)
+        return given or dynamics_by_lengths(self.every_limb[limb], self.name, self.source)
 
     @property
     def torque_limits(self) -> Array:
@@ -235,11 +237,9 @@ class DerivedFigures:
         return told[0] if len(set(told)) == 1 else "; ".join(told)
 
 
-def _on_base(mount: Mount, limb: AnyLimb) -> Mount:
-    """Return a mount at the base of the joints that move, see `LimbBase.base_in_mount`."""
-    base = limb.base_in_mount
-    if base is None:
+def _on_base(mount: Mount, limb: Limb) -> Mount:
+    """Return a mount at the base of the joints that move, see `Limb.base_in_mount`."""
+    if limb.held_joint != 1:
         return mount
-    turn, (axes, origin) = np.array(mount.rotation), base
-    place = np.array(mount.position) + turn @ origin
-    return replace(mount, position=place.tolist(), rotation=(turn @ axes).tolist())
+    base = rigid(mount.rotation, mount.position) @ limb.base_in_mount
+    return replace(mount, position=base[:3, 3].tolist(), rotation=base[:3, :3].tolist())

@@ -1,15 +1,14 @@
 """URDF and MJCF files as MuJoCo reads them.
 
-`mujoco.MjSpec` parses and compiles both formats. What it cannot take from a URDF is added here:
-meshes are found by their package or left out, and the speed limits, for which MuJoCo has no field,
-are read from the text. In MJCF they are the `<numeric>` named `SPEED_LIMITS`.
+`mujoco.MjSpec` parses and compiles both formats. What it cannot take from a file is added here:
+meshes are found by their package or left out, inertias that rounding made impossible are repaired,
+and the speed limits of a URDF, for which MuJoCo has no field, are read from the text. In MJCF they
+are the `<numeric>` named `SPEED_LIMITS`.
 """
 
 from __future__ import annotations
 
 import json
-import os
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,23 +17,24 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.files import LARGEST_FILE
+from mlivr_gym.robot.file_meshes import BodyMesh, Meshes
 from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.visuals import BodyMesh, mesh_file, mjcf_meshes, placed_meshes, urdf_meshes
+from mlivr_gym.robot.rigid import PAIRS
 
 SPEED_LIMITS = "speed_limits"
 """Name of the `<numeric>` of an MJCF file that holds the largest speed of each joint [rad/s]."""
 
 PLANNING = "mlivr_gym"
-"""Name of the `<text>` of an MJCF file, and of the element of a URDF file, with `RobotSpec` fields
-that neither format has, as JSON."""
-
-WINDOWS, ROTORS = "window_starts", "rotor_inertias"
-"""Entries of `PLANNING` that are no fields of a robot: figures of each limb, N of six."""
+"""Name of the `<text>` of an MJCF file, and of the element of a URDF file, with the robot that this
+package wrote, as JSON."""
 
 LEAST_MASS = 1e-12
 """Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
+
+MOST_REPAIR = 0.01
+"""Largest share by which a principal moment of inertia is made smaller."""
 
 
 class JointData(NamedTuple):
@@ -64,66 +64,45 @@ class Description(NamedTuple):
     """Data of each hinge by its number in the model."""
     missing: tuple[str, ...]
     """Mesh files of collision shapes that were not found or cannot be read."""
-    fields: dict[str, Any]
-    """Fields of `RobotSpec` that the file names, see `PLANNING`."""
-    visuals: dict[str, tuple[BodyMesh, ...]]
-    """Meshes that show each body, by its name."""
-
-    @property
-    def is_exported(self) -> bool:
-        """Whether this package wrote the file, and so says all that there is of a robot."""
-        return WINDOWS in self.fields
+    visuals: dict[int, tuple[BodyMesh, ...]]
+    """Meshes that show each body, by its number in the model."""
+    notes: tuple[str, ...]
+    """What was repaired, in words."""
 
 
 def read_description(
-    path: str | Path,
+    path: Path,
+    tree: ElementTree.Element,
     package_dirs: Sequence[str | Path] = (),
     speeds: float | Sequence[float] | None = None,
     torques: float | Sequence[float] | None = None,
+    with_shapes: bool = True,
 ) -> Description:
-    """Read a file as URDF, if it ends in `.urdf`, or as MJCF.
+    """Read a file as URDF or as MJCF, by its elements, which are changed.
 
     Packages of `package://` names are looked for in `package_dirs` and in the folders above the
     file. Largest speeds [rad/s] and torques [N m] that are given, one for all joints or one for
-    each in the order of the file, replace those of the file. Raises a `RobotError` if the file
-    cannot be read, or holds a loop or a joint that is no hinge.
+    each in the order of the file, replace those of the file. Meshes of collision shapes are read
+    only `with_shapes`. Raises a `RobotError` if the file cannot be read, or holds a loop or a joint
+    that is no hinge.
     """
-    path = Path(path)
-    try:
-        size = os.path.getsize(path)
-        text = path.read_text(encoding="utf-8") if size <= LARGEST_FILE else ""
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise RobotError(f"the file cannot be read: {reason}") from None
-    if not text:
-        raise RobotError(f"the file is empty or larger than {LARGEST_FILE} bytes")
-    tree = _parsed(text)
     found: dict[str, float] = {}
-    missing: list[str] = []
-    visuals: dict[str, tuple[BodyMesh, ...]] = {}
-    pictures: list[tuple[str, str, BodyMesh]] = []
+    meshes = Meshes(path.parent, [*map(Path, package_dirs), *path.resolve().parents])
     try:
-        _check_numbers(tree, path.stem)
         if tree.tag == "robot":
-            folders = [*map(Path, package_dirs), *path.resolve().parents]
-            visuals = urdf_meshes(tree, path.parent, folders)
-            found, missing, fields = _prepare_urdf(tree, path.parent, folders)
-            spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
+            found = _prepare_urdf(tree)
+            meshes.name_apart(tree)
+        spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
+        if tree.tag == "robot":
             spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-        else:
-            spec = mujoco.MjSpec.from_file(str(path))
-            missing, pictures = _without_pictures(spec)
-            fields = next((entry.data for entry in spec.texts if entry.name == PLANNING), "")
         _check_joints(spec)
-        if tree.tag == "robot":
-            _check_masses(spec)
+        notes = _repaired_inertias(spec)
+        meshes.take_out(spec, with_shapes)
         spec.compiler.fusestatic = False
         spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
         model = spec.compile()
     except RobotError:
         raise
-    except RecursionError:
-        raise RobotError("the file is nested too deeply") from None
     except ValueError as error:
         raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
     data = mujoco.MjData(model)
@@ -137,43 +116,16 @@ def read_description(
         endless = (-FARTHEST_TURN, FARTHEST_TURN)
         joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
     name = tree.get("name") or tree.get("model") or path.stem
-    visuals |= placed_meshes(model, pictures)
-    return Description(name, model, data, joints, tuple(missing), _fields(fields), visuals)
+    return Description(
+        name, model, data, joints, tuple(meshes.missing), meshes.placed(model), tuple(notes),
+    )  # fmt: skip
 
 
-def _parsed(text: str) -> ElementTree.Element:
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise RobotError("the file defines entities, which are not read")
-    # Extensions of simulators often use a prefix that the file does not declare.
-    text = re.sub(r"(</?|\s)([A-Za-z_][\w.-]*):(?=[\w.-]+[\s=/>])", r"\1\2.", text)
-    try:
-        tree = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise RobotError(f"the file is not XML: {error}") from None
-    if any(part.tag.startswith("xacro.") for part in tree.iter()):
-        raise RobotError("the file has elements of xacro; expand it first: xacro FILE > robot.urdf")
-    if tree.tag not in ("robot", "mujoco"):
-        raise RobotError(
-            f"the file's outermost element is <{tree.tag}>; it must be <robot> (URDF) or "
-            "<mujoco> (MJCF)"
-        )
-    return tree
-
-
-def _check_numbers(element: ElementTree.Element, owner: str) -> None:
-    """Refuse attributes that are not a number, of which MuJoCo only warns, in a file it writes."""
-    owner = element.get("name", owner)
-    for attribute, text in element.items():
-        if attribute != "name" and "nan" in text.lower().replace("-", "").split():
-            raise RobotError(
-                f"{element.tag} of {owner!r} has {attribute} {text!r}; numbers must be finite"
-            )
-    for part in element:
-        _check_numbers(part, owner)
-
-
-def _fields(text: str) -> dict[str, Any]:
-    """Return the fields of a robot that a file of this package names."""
+def written_in(tree: ElementTree.Element) -> dict[str, Any]:
+    """Return the plain data of the robot that a file of this package has, empty if none."""
+    text = tree.findtext(PLANNING) or ""
+    for entry in tree.findall("custom/text"):
+        text = entry.get("data", "") if entry.get("name") == PLANNING else text
     if not text:
         return {}
     try:
@@ -185,10 +137,8 @@ def _fields(text: str) -> dict[str, Any]:
     return fields
 
 
-def _prepare_urdf(
-    tree: ElementTree.Element, folder: Path, folders: Sequence[Path]
-) -> tuple[dict[str, float], list[str], str]:
-    """Make a URDF readable for MuJoCo; return speed limits, missing meshes and own fields."""
+def _prepare_urdf(tree: ElementTree.Element) -> dict[str, float]:
+    """Make a URDF readable for MuJoCo; return the speed limits by joint [rad/s]."""
     children = [joint.find("child") for joint in tree.iter("joint")]
     names = [child.get("link", "") for child in children if child is not None]
     twice = next((name for name in names if names.count(name) > 1), None)
@@ -203,20 +153,6 @@ def _prepare_urdf(
             f"links {roots[0]!r} and {roots[1]!r} hang on no joint; the links must form one tree: "
             "join them by a fixed joint, or leave one out"
         )
-    missing = []
-    for link in tree.iter("link"):
-        for visual in link.findall("visual"):
-            link.remove(visual)
-        for shape in link.findall("collision"):
-            mesh = shape.find("geometry/mesh")
-            if mesh is None:
-                continue
-            file = mesh_file(mesh.get("filename", ""), folder, folders)
-            if file is None:
-                missing.append(mesh.get("filename", ""))
-                link.remove(shape)
-            else:
-                mesh.set("filename", str(file))
     speeds = {}
     for joint in tree.findall("joint"):
         limit = joint.find("limit")
@@ -227,13 +163,13 @@ def _prepare_urdf(
             limit.set("upper", f"{FARTHEST_TURN}")
         if limit is not None and limit.get("velocity"):
             speeds[joint.get("name", "")] = _number(limit.get("velocity", ""), joint)
-    for other in tree.findall("mujoco"):
-        tree.remove(other)
-    extra = tree.find(PLANNING)
-    extension = ElementTree.SubElement(tree, "mujoco")
     options = {"strippath": "false", "discardvisual": "false", "fusestatic": "false"}
-    ElementTree.SubElement(extension, "compiler", options)
-    return speeds, missing, "" if extra is None else extra.text or ""
+    for other in tree.findall("mujoco"):
+        for compiler in other.findall("compiler"):
+            options["balanceinertia"] = compiler.get("balanceinertia", "false")
+        tree.remove(other)
+    ElementTree.SubElement(ElementTree.SubElement(tree, "mujoco"), "compiler", options)
+    return speeds
 
 
 def _number(text: str, joint: ElementTree.Element) -> float:
@@ -245,48 +181,14 @@ def _number(text: str, joint: ElementTree.Element) -> float:
         ) from None
 
 
-def _without_pictures(spec: Any) -> tuple[list[str], list[tuple[str, str, BodyMesh]]]:
-    """Remove what is only seen, and meshes that are not there; return the latter and the former."""
-    folder = Path(spec.modelfiledir) / (spec.compiler.meshdir or spec.meshdir or "")
-    absent = {
-        mesh.name or Path(mesh.file).stem: mesh.file
-        for mesh in spec.meshes
-        if mesh.file and not (folder / mesh.file).is_file()
-    }
-    from_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-
-    def is_massive(geom: Any) -> bool:
-        return bool(from_geoms or not geom.parent.explicitinertial)
-
-    missing, seen = [], []
-    for geom in list(spec.geoms):
-        material, geom.material = geom.material, ""
-        file = absent.get(geom.meshname)
-        if is_massive(geom) and file:
-            raise RobotError(
-                f"mesh {file!r} is not found; the mass of link {geom.parent.name!r} follows from "
-                "its shape, give the link an inertial or the file the mesh"
-            )
-        if not (geom.contype or geom.conaffinity) and not is_massive(geom):
-            if geom.type == mujoco.mjtGeom.mjGEOM_MESH:
-                seen.append((geom, geom.meshname, material))
-            else:
-                spec.delete(geom)
-        elif file:
-            missing.append(file)
-            spec.delete(geom)
-    pictures = mjcf_meshes(spec, seen)
-    used = {geom.meshname for geom in spec.geoms}
-    for mesh in list(spec.meshes):
-        if (mesh.name or Path(mesh.file).stem) not in used:
-            spec.delete(mesh)
-    for part in (*spec.skins, *spec.materials, *spec.textures, *spec.hfields):
-        spec.delete(part)
-    return missing, pictures
-
-
 def _check_joints(spec: Any) -> None:
-    """Refuse floating links and loops."""
+    """Refuse floating links, loops, and masses below 0."""
+    for body in spec.bodies:
+        if body.mass < 0.0:
+            raise RobotError(
+                f"link {body.name!r} has a mass of {body.mass:g} kg; give it an <inertial> with "
+                "the mass [kg] and the inertia [kg m^2]"
+            )
     for joint in spec.joints:
         carrier = joint.parent.parent
         if joint.type == mujoco.mjtJoint.mjJNT_FREE and carrier.name != "world":
@@ -303,22 +205,49 @@ def _check_joints(spec: Any) -> None:
             )
 
 
-def _check_masses(spec: Any) -> None:
-    """Refuse a link of a URDF that moves and has no mass."""
-    masses: dict[str, float] = {}
+def _repaired_inertias(spec: Any) -> list[str]:
+    """Make the largest moment of inertia of each link at most the sum of the others; return notes.
+
+    No body has a larger one, but figures are often rounded so. It is changed by a share of
+    `MOST_REPAIR` at most; what is further off is left to `balanceinertia`, if the file asks for it.
+    """
+    names, most = [], 0.0
     for body in spec.bodies:
-        rigid = body
-        while rigid.parent is not None and not len(rigid.joints) and rigid.parent.name != "world":
-            rigid = rigid.parent
-        masses[rigid.name] = masses.get(rigid.name, 0.0) + float(body.mass)
-    for body in spec.bodies:
-        mass = masses.get(body.name, 0.0)
-        if len(body.joints) and mass <= 0.0:
-            has = f"a mass of {mass:g} kg" if mass else "no mass"
+        matrix = _inertia_of(body)
+        moments, axes = np.linalg.eigh(matrix)
+        least, largest = float(moments[0] + moments[1]), float(moments[2])
+        if largest <= least or not body.mass:
+            continue
+        share = largest / least - 1.0 if least > 0.0 else np.inf
+        if share > MOST_REPAIR and not spec.compiler.balanceinertia:
+            told = ", ".join(f"{moment:g}" for moment in moments)
             raise RobotError(
-                f"link {body.name!r} has {has}; give it an <inertial> with the mass [kg] and the "
-                "inertia [kg m^2]"
+                f"link {body.name!r} has the principal moments {told} kg m^2; the largest is more "
+                f"than {100.0 * MOST_REPAIR:g} % above the sum of the others, correct them"
             )
+        if share <= MOST_REPAIR:
+            moments[2] = least * (1.0 - 1e-12)
+            whole = axes @ np.diag(moments) @ axes.T
+            body.fullinertia = [float(whole[pair]) for pair in PAIRS]
+        if share > 1e-9:
+            names.append(body.name)
+            most = max(most, share)
+    if not names:
+        return []
+    return [
+        f"inertia of {', '.join(names)} repaired: the largest principal moment exceeded the sum of "
+        f"the others by {100.0 * most:.2g} % at most"
+    ]
+
+
+def _inertia_of(body: Any) -> Array:
+    """Return the inertia of a body of a `mujoco.MjSpec` as a matrix, shape (3, 3)."""
+    if np.isnan(body.fullinertia[0]):
+        return np.asarray(np.diag(body.inertia))
+    matrix = np.zeros((3, 3))
+    for (row, column), value in zip(PAIRS, body.fullinertia, strict=True):
+        matrix[row, column] = matrix[column, row] = value
+    return matrix
 
 
 def _joint_data(
@@ -353,7 +282,7 @@ def _joint_data(
             name,
             (low, high) if limited else None,
             _torque(model, joint) if strong is None else strong[k],
-            found.get(name) if given is None else given[k],
+            (found.get(name) if given is None else given[k]) or None,
             float(model.dof_armature[address]) or None,
         )
     return out

@@ -1,39 +1,32 @@
 """Robots written as URDF and as MJCF.
 
-Both are written with all digits: read again by `from_file` they give the same robot. What neither
-format has, such as the candidate heights of the base, stands as JSON in an element of its own, see
-`description.PLANNING`.
+The robot itself stands in both as JSON, see `description.PLANNING`: a file that nobody changed is
+read again by `from_file` as the same robot.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.errors import RobotError
 from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.derived import DerivedFigures
-from mlivr_gym.robot.description import PLANNING, ROTORS, SPEED_LIMITS, WINDOWS
-from mlivr_gym.robot.file_chain import LIMBS
+from mlivr_gym.robot.description import PLANNING, SPEED_LIMITS
 from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
-from mlivr_gym.robot.mounts import without_none
 from mlivr_gym.values import as_triple
 
-FIELDS = (
-    "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
-    "apart", "source",
-)  # fmt: skip
-"""Fields of `RobotSpec` that neither format has."""
+if TYPE_CHECKING:
+    from mlivr_gym.robot.specification import RobotSpec
 
 
-def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
+def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 
     It is written to a file if one is named. Raises a `RobotError` if its masses are not known, and
@@ -46,8 +39,8 @@ def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     links = list(_links(robot))
     for link in links:
         body = elements[link.name] = _sub(
-            elements[link.parent], "body", name=link.name, pos=_text(link.origin),
-            quat=_text(quaternion_of(link.rotation)),
+            elements[link.parent], "body", name=link.name, pos=_text(link.frame[:3, 3]),
+            quat=_text(quaternion_of(link.frame[:3, :3])),
         )  # fmt: skip
         if link.solid.mass:
             _sub(
@@ -84,7 +77,7 @@ def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     return _written(root, path)
 
 
-def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
+def as_urdf(robot: RobotSpec, path: str | Path | None = None) -> str:
     """Return a robot as URDF, whose capsules are those of URDF 1.2; arguments as in `as_mjcf`."""
     root = ElementTree.Element("robot", name=robot.name, version="1.2")
     for link in _links(robot):
@@ -120,27 +113,21 @@ def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     return _written(root, path)
 
 
-def _links(robot: DerivedFigures) -> Iterator[RobotLink]:
+def _links(robot: RobotSpec) -> Iterator[RobotLink]:
     """Yield the links of a robot, each after the one that carries it."""
     held = () if robot.cargo is None else robot.cargo.limb_capsules
     locked = tuple(
         Capsule("base", as_triple(start), as_triple(end), radius)
         for _, (start, end), radius in held
     )
-    turn = np.eye(3)
-    place = np.zeros(3), turn, quaternion_of(turn)
-    yield RobotLink("base", "", *place, robot.body_solid, locked, None)
+    yield RobotLink("base", "", np.eye(4), robot.body_solid, locked, None)
     for i in range(robot.limbs):
         yield from limb_links(robot, i, robot.dynamics_of(i))
 
 
-def _fields(robot: DerivedFigures) -> str:
-    """Return what neither format has, as JSON."""
-    fields = {name: getattr(robot, name) for name in FIELDS}
-    fields[LIMBS] = [without_none(asdict(limb)) for limb in robot.every_limb]
-    fields[WINDOWS] = [limb.window_starts for limb in robot.every_limb]
-    fields[ROTORS] = [robot.dynamics_of(i).rotor_inertias for i in range(robot.limbs)]
-    return json.dumps(fields)
+def _fields(robot: RobotSpec) -> str:
+    """Return the robot as JSON: neither format has all that there is of it."""
+    return json.dumps(robot.to_dict())
 
 
 def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
@@ -164,7 +151,8 @@ def _add_joint(root: ElementTree.Element, link: RobotLink) -> None:
     joint = link.joint
     name, kind = (f"{link.name}/fixed", "fixed") if joint is None else (joint.name, "revolute")
     element = _sub(root, "joint", name=name, type=kind)
-    _sub(element, "origin", xyz=_text(link.origin), rpy=_text(_roll_pitch_yaw(link.rotation)))
+    turn = _text(_roll_pitch_yaw(link.frame[:3, :3]))
+    _sub(element, "origin", xyz=_text(link.frame[:3, 3]), rpy=turn)
     _sub(element, "parent", link=link.parent)
     _sub(element, "child", link=link.name)
     if joint is not None:
@@ -200,3 +188,16 @@ def _written(root: ElementTree.Element, path: str | Path | None) -> str:
     if path is not None:
         write_whole(path, text)
     return text
+
+
+def is_as_written(robot: RobotSpec, tree: ElementTree.Element) -> bool:
+    """Return whether a file, by its elements, is what this package writes of a robot."""
+    try:
+        text = as_urdf(robot) if tree.tag == "robot" else as_mjcf(robot)
+    except RobotError:  # its masses are not known
+        return False
+    one, other = (
+        ElementTree.canonicalize(some, strip_text=True)
+        for some in (text, ElementTree.tostring(tree, encoding="unicode"))
+    )
+    return one == other

@@ -12,8 +12,8 @@ from dataclasses import replace
 from typing import Any, NoReturn
 
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.any_limb import AnyLimb
 from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import Mount, even_mounts
 
 
@@ -67,7 +67,7 @@ def fields_with_failed_joint(
     }
 
 
-def _refuse_second(whole: AnyLimb, limb: int, joint: int, angle: float) -> NoReturn:
+def _refuse_second(whole: Limb, limb: int, joint: int, angle: float) -> NoReturn:
     """Refuse a joint that fails in a limb of which one has failed before."""
     before = f"joint {whole.failed_joint} of limb {limb} has failed at {whole.held_angle:g} rad"
     if joint == whole.failed_joint:

@@ -1,4 +1,4 @@
-"""Arms of a URDF or MJCF file: which joints form one, and which bodies belong to each link."""
+"""Arms of a URDF or MJCF file: which joints form one, where it grasps, and what it holds."""
 
 from __future__ import annotations
 
@@ -11,73 +11,161 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.description import Description
-from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.link_frames import axes_of, rigid
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
 
+SHORTEST_ARM = 5
+"""Number of joints from which on a tool frame ends an arm, and a chain is one."""
+
 HELD_JOINT = 3
 """The joint of an arm of seven that is held by default: the roll of the upper arm."""
-
-ENDLESS = 1000.0
-"""Limit from which on a joint turns without end [rad]."""
 
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
 
+OF_GRIPPERS = ("gripper", "finger", "jaw", "knuckle", "claw")
+"""Words in the names of links and joints that belong to a gripper."""
 
-class HeldJoint(NamedTuple):
-    """A joint of a seven-joint arm that is held."""
+MOST_TILT = np.deg2rad(1.0)
+"""Largest angle between the last joint's axis and the nearest axis of the tool frame [rad]."""
 
-    joint: int
-    """Its index among the joints of the arm."""
-    angle: float
-    """The angle at which it is held [rad]."""
-    limits: tuple[float, float]
-    """Its lower and upper limit [rad]."""
+
+class Tool(NamedTuple):
+    """The tool frame of an arm."""
+
+    body: int
+    """Body that carries it, by its number in the model."""
+    frame: Array
+    """The frame in that body, shape (4, 4)."""
+    name: str
+    """Name of the link or site."""
 
 
 class FileArm(NamedTuple):
-    """An arm of a file, by numbers of bodies and joints in the model."""
+    """An arm of a file, by numbers of joints in the model."""
 
     joints: tuple[int, ...]
-    """Joints that move, in order from the body."""
-    links: tuple[int, ...]
-    """Body that each of them moves."""
-    tool: tuple[int, Array, Array]
-    """Body that carries the tool frame, and the frame's position [m] and rotation in it."""
-    held: tuple[int, HeldJoint] | None = None
-    """Joint that is held, which is none of the others, by its number in the model."""
+    """All its joints, in order from the body, six or seven."""
+    tool: Tool
+    """Where it grasps."""
+    held: int | None = None
+    """Index of the joint that is held."""
+    angle: float = 0.0
+    """Angle at which it is held [rad]."""
 
     @property
-    def first(self) -> int:
-        """Body that the first joint moves."""
-        return self.links[0]
+    def moving(self) -> tuple[int, ...]:
+        """The six joints that move."""
+        return tuple(joint for k, joint in enumerate(self.joints) if k != self.held)
+
+
+class Tree:
+    """The bodies of a file as a tree."""
+
+    def __init__(self, file: Description) -> None:
+        """Find the bodies that joints other than a free one move."""
+        self.file, self.model = file, file.model
+        free = int(mujoco.mjtJoint.mjJNT_FREE)
+        joints, kinds = file.model.body_jntnum, file.model.jnt_type
+        self._moving = [
+            body
+            for body in range(1, file.model.nbody)
+            if joints[body] and kinds[file.model.body_jntadr[body]] != free
+        ]
+
+    def name(self, body: int) -> str:
+        """Return the name of a body."""
+        return str(self.model.body(body).name) or f"body {body}"
+
+    def frame(self, body: int) -> Array:
+        """Return the frame of a body in the world, shape (4, 4)."""
+        data = self.file.data
+        return rigid(data.xmat[body].reshape(3, 3), data.xpos[body])
+
+    def carriers(self, body: int) -> list[int]:
+        """Return a body, the one that carries it, and so on up to the root, without the world."""
+        out = []
+        while body:
+            out.append(body)
+            body = int(self.model.body_parentid[body])
+        return out
+
+    def path(self, body: int) -> list[int]:
+        """Return the moving bodies from the robot's body to a body, this one included."""
+        return [b for b in reversed(self.carriers(body)) if b in self._moving]
+
+    def after(self, body: int) -> list[int]:
+        """Return the bodies that joints on a body move, or those fixed to it; of 0 the first."""
+        before = [body] if body else []
+        return [b for b in self._moving if self.path(b)[:-1][-1:] == before]
+
+    def fixed_to(self, body: int) -> list[int]:
+        """Return a moving body and those that are fixed to it."""
+        return [b for b in range(1, self.model.nbody) if self.path(b)[-1:] == [body]]
+
+    def is_hinge(self, body: int) -> bool:
+        """Return whether one revolute joint moves a body."""
+        joint = int(self.model.body_jntadr[body])
+        return self.model.body_jntnum[body] == 1 and joint in self.file.joints
+
+    def depth(self, body: int) -> int:
+        """Return the number of joints of the longest chain from a body on."""
+        return 1 + max(map(self.depth, self.after(body)), default=0)
+
+    def frame_named(self, name: str) -> Tool:
+        """Return the link or site of a name."""
+        site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, str(name))
+        if site >= 0:
+            return self._site(site)
+        body = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, str(name))
+        if body < 1:
+            links = ", ".join(self.name(b) for b in range(1, self.model.nbody))
+            sites = ", ".join(str(self.model.site(k).name) for k in range(self.model.nsite))
+            known = links + (f"; sites {sites}" if sites else "")
+            raise RobotError(
+                f"the file has no link or site {shortened(name)}; it has links {known}"
+            )
+        return Tool(body, np.eye(4), str(name))
+
+    def _site(self, site: int) -> Tool:
+        frame = rigid(axes_of(self.model.site_quat[site]), self.model.site_pos[site])
+        return Tool(int(self.model.site_bodyid[site]), frame, str(self.model.site(site).name))
+
+    def named_tool(self, last: int) -> Tool | None:
+        """Return the tool frame of a customary name that is fixed to a link, None if none is."""
+        fixed = self.fixed_to(last)
+        sites = [k for k in range(self.model.nsite) if int(self.model.site_bodyid[k]) in fixed]
+        tools = [self._site(k) for k in sites]
+        tools += [Tool(b, np.eye(4), self.name(b)) for b in fixed if b != last]
+        order = [one for ending in TOOL_NAMES for one in tools if one.name.endswith(ending)]
+        return order[0] if order else None
 
 
 def arms_of(
-    file: Description, tips: Sequence[str] | None, tool_frames: Sequence[str] | None
+    tree: Tree, tips: Sequence[str] | None, tool_frames: Sequence[str] | None
 ) -> tuple[FileArm, ...]:
-    """Return the arms of a file.
+    """Return the arms of a file, without held joints.
 
     `tips` are the links or sites in which they end, None for every chain of hinges that begins at
     the body; `tool_frames` are those of each arm, None for a customary name, or the last link.
-    Raises a `RobotError` if there is none, a name is unknown, or a joint of an arm is no hinge.
+    Joints that several tips share belong to the body. Raises a `RobotError` if there is none, a
+    name is unknown, or a joint of an arm is no hinge.
     """
-    model = file.model
-    if tips is not None:
-        chains = [_path(file, _frame_named(file, tip)[0]) for tip in tips]
-        for tip, chain in zip(tips, chains, strict=True):
+    first = tree.after(0)
+    long = [body for body in first if tree.depth(body) >= SHORTEST_ARM] or first
+    named = tips or (tool_frames if tool_frames and len(tool_frames) == len(long) else None)
+    if named:
+        chains = [tree.path(tree.frame_named(name).body) for name in named]
+        for name, chain in zip(named, chains, strict=True):
             if not chain:
-                raise RobotError(f"no joint lies before {tip!r}; name the last link of a limb")
-        tool_frames = tips if tool_frames is None else tool_frames
+                raise RobotError(f"no joint lies before {name!r}; name the last link of a limb")
+        while len(chains) > 1 and all(len(c) > 1 and c[0] == chains[0][0] for c in chains):
+            chains = [chain[1:] for chain in chains]
+        tool_frames = tool_frames or tips
     else:
-        first = [b for b in _moving(model) if not _path(file, int(model.body_parentid[b]))]
-        if tool_frames is not None and len(tool_frames) == len(first):
-            chains = [_path(file, _frame_named(file, name)[0]) for name in tool_frames]
-        else:
-            chains = [_longest(file, b) for b in first]
+        chains = [_longest(tree, body) for body in long]
     if not chains:
         raise RobotError("the file has no limb: none of its joints is revolute")
     if tool_frames is not None and len(tool_frames) != len(chains):
@@ -86,27 +174,102 @@ def arms_of(
         )
     out = []
     for k, chain in enumerate(chains):
-        joints = tuple(_hinge(file, body) for body in chain)
-        if tool_frames is not None:
-            tool = _frame_named(file, tool_frames[k])
-            if _path(file, tool[0]) != chain:
-                raise RobotError(
-                    f"tool_frame {tool_frames[k]!r} is not fixed to the last link of the limb, "
-                    f"{body_name(model, chain[-1])!r}"
-                )
-        else:
-            tool = _usual_tool(file, chain[-1])
-        out.append(FileArm(joints, tuple(chain), tool))
+        joints = tuple(_hinge(tree, body) for body in chain)
+        _check_count(tree, joints)
+        tool = None if tool_frames is None else tree.frame_named(tool_frames[k])
+        if tool is not None and tree.path(tool.body)[-len(chain) :] != chain:
+            raise RobotError(
+                f"tool_frame {tool.name!r} is not fixed to the last link of the limb, "
+                f"{tree.name(chain[-1])!r}"
+            )
+        out.append(FileArm(joints, tool or _usual_tool(tree, chain[-1])))
     return tuple(out)
 
 
+def _longest(tree: Tree, body: int) -> list[int]:
+    """Return the chain of joints from a body on, without those of a gripper.
+
+    It ends at a tool frame of a customary name, and where names tell of a gripper.
+    """
+    chain = [body]
+    while True:
+        here = chain[-1]
+        after = [b for b in tree.after(here) if not _is_of_gripper(tree, b, chain)]
+        is_whole = len(chain) >= JOINTS and (len(after) != 1 or not tree.is_hinge(after[0]))
+        ends = len(chain) >= SHORTEST_ARM and tree.named_tool(here) is not None
+        if not after or is_whole or ends:
+            return chain
+        if len(after) > 1:
+            names = ", ".join(repr(tree.name(b)) for b in after)
+            raise RobotError(
+                f"the chain of joints branches after link {tree.name(here)!r} into {names}; name "
+                "the last link of each limb with tips"
+            )
+        chain += after
+
+
+def _is_of_gripper(tree: Tree, body: int, chain: list[int]) -> bool:
+    """Return whether a link or its joint is named as of a gripper, and those of the arm are not."""
+
+    def words(link: int) -> set[str]:
+        joint = tree.model.joint(int(tree.model.body_jntadr[link])).name
+        name = f"{tree.name(link)} {joint}".lower()
+        return {word for word in OF_GRIPPERS if word in name}
+
+    return bool(words(body)) and not any(map(words, chain))
+
+
+def _hinge(tree: Tree, body: int) -> int:
+    """Return the joint that moves a body."""
+    model = tree.model
+    if model.body_jntnum[body] > 1:
+        raise RobotError(
+            f"link {tree.name(body)!r} has {model.body_jntnum[body]} joints; a link of a limb must "
+            "have one, revolute"
+        )
+    joint = int(model.body_jntadr[body])
+    name = model.joint(joint).name
+    if joint not in tree.file.joints:
+        is_slide = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE
+        kind = "prismatic" if is_slide else "a ball joint"
+        raise RobotError(f"joint {name!r} is {kind}; the joints of a limb must be revolute")
+    for k in range(model.neq):
+        if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj1id[k] == joint:
+            other = int(model.eq_obj2id[k])
+            leader = f" joint {model.joint(other).name!r}" if other >= 0 else " a constant"
+            raise RobotError(
+                f"joint {name!r} mimics{leader}; every joint of a limb must move by itself"
+            )
+    return joint
+
+
+def _check_count(tree: Tree, joints: tuple[int, ...]) -> None:
+    """Refuse an arm of another number of joints than six or seven."""
+    if len(joints) not in (JOINTS, JOINTS + 1):
+        first, last = (tree.file.joints[joints[k]].name for k in (0, -1))
+        raise RobotError(
+            f"the arm of joints {first!r} to {last!r} has {len(joints)} "
+            f"{'joint' if len(joints) == 1 else 'joints'}; a limb has six, or seven of which one "
+            "is held: name its last link with tips"
+        )
+
+
+def _usual_tool(tree: Tree, last: int) -> Tool:
+    """Return the tool frame behind the last joint: by a customary name, or the last link."""
+    fixed = tree.fixed_to(last)
+    carriers = {int(tree.model.body_parentid[b]) for b in fixed if b != last}
+    leaves = [b for b in fixed if b not in carriers]
+    end = leaves[0] if len(leaves) == 1 else last
+    return tree.named_tool(last) or Tool(end, np.eye(4), tree.name(end))
+
+
 def with_held_joints(
-    file: Description,
+    tree: Tree,
     arms: tuple[FileArm, ...],
     names: Sequence[str | None] | None,
     angles: Sequence[float | None] | None,
 ) -> tuple[FileArm, ...]:
-    """Return arms with the joints that are held set apart, and bring these to their angles [rad].
+    """Return arms with the joints that are held, and bring these to their angles [rad].
 
     Each arm of seven joints holds the one that is named, for all or each, by default the third, at
     the angle [rad] for all or each, by default 0. Joint angles of the file's data are changed.
@@ -118,19 +281,17 @@ def with_held_joints(
         if len(given) not in (1, len(arms)):
             raise RobotError(f"{field} has {len(given)} entries; the file has {len(arms)} limbs")
         each.append([given[k % len(given)] for k in range(len(arms))])
-    out = tuple(_with_held_joint(file, *one) for one in zip(arms, *each, strict=True))
-    mujoco.mj_kinematics(file.model, file.data)
+    out = tuple(_with_held_joint(tree, *one) for one in zip(arms, *each, strict=True))
+    mujoco.mj_kinematics(tree.model, tree.file.data)
     return out
 
 
-def _with_held_joint(
-    file: Description, arm: FileArm, name: str | None, angle: float | None
-) -> FileArm:
-    """Return an arm with the joint that it holds set apart, and set the joint's angle."""
-    joints = [file.joints[joint].name for joint in arm.joints]
+def _with_held_joint(tree: Tree, arm: FileArm, name: str | None, angle: float | None) -> FileArm:
+    """Return an arm with the joint that it holds, and set the joint's angle."""
+    joints = [tree.file.joints[joint].name for joint in arm.joints]
     if name is not None and name not in joints:
         raise RobotError(f"held_joint is {name!r}; the limb's joints are {', '.join(joints)}")
-    if len(joints) != JOINTS + 1:
+    if len(joints) == JOINTS:
         for field, given in (("held_joint", name), ("held_angle", angle)):
             if given is not None:
                 raise RobotError(
@@ -139,7 +300,7 @@ def _with_held_joint(
                 )
         return arm
     index = HELD_JOINT - 1 if name is None else joints.index(name)
-    figures = file.joints[arm.joints[index]]
+    figures = tree.file.joints[arm.joints[index]]
     low, high = figures.limits or (-np.pi, np.pi)
     if angle is None and not low <= 0.0 <= high:
         raise RobotError(
@@ -152,163 +313,5 @@ def _with_held_joint(
             f"held_angle is {angle:g} rad; joint {figures.name!r} turns from {low:g} to "
             f"{high:g} rad"
         )
-    file.data.qpos[file.model.jnt_qposadr[arm.joints[index]]] = angle
-    return arm._replace(
-        joints=(*arm.joints[:index], *arm.joints[index + 1 :]),
-        links=(*arm.links[:index], *arm.links[index + 1 :]),
-        held=(arm.joints[index], HeldJoint(index, angle, (low, high))),
-    )
-
-
-def limits_of(file: Description, arm: FileArm) -> list[tuple[float, float]]:
-    """Return the limits of the limb's joint angles [rad]."""
-    out = []
-    for joint in arm.joints:
-        figures = file.joints[joint]
-        if figures.limits is None:
-            raise RobotError(
-                f"joint {figures.name!r} has no limits; give it a lower and an upper angle [rad], "
-                "the lower one first"
-            )
-        if FARTHEST_TURN < max(np.abs(figures.limits)) < ENDLESS:
-            low, high = figures.limits
-            raise RobotError(
-                f"joint {figures.name!r} has limits from {low:g} to {high:g} rad; angles are in "
-                f"radians, at most {FARTHEST_TURN:g}: are these degrees?"
-            )
-        low, high = figures.limits
-        out.append((max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)))
-    return out
-
-
-def body_frame(data: Any, body: int) -> Array:
-    """Return the frame of a body in the world, shape (4, 4)."""
-    return rigid(data.xmat[body].reshape(3, 3), data.xpos[body])
-
-
-def tool_frame_of(data: Any, arm: FileArm) -> Array:
-    """Return the tool frame of an arm in the world, shape (4, 4)."""
-    body, position, rotation = arm.tool
-    frame: Array = body_frame(data, body) @ rigid(rotation, position)
-    return frame
-
-
-def body_name(model: Any, body: int) -> str:
-    """Return the name of a body."""
-    return str(model.body(body).name) or f"body {body}"
-
-
-def with_carriers(model: Any, body: int) -> list[int]:
-    """Return a body, the one that carries it, and so on up to the root, without the world."""
-    out = []
-    while body:
-        out.append(body)
-        body = int(model.body_parentid[body])
-    return out
-
-
-def _moving(model: Any) -> list[int]:
-    """Return the bodies that joints other than a free one move."""
-    free = int(mujoco.mjtJoint.mjJNT_FREE)
-    return [
-        body
-        for body in range(1, model.nbody)
-        if model.body_jntnum[body] and model.jnt_type[model.body_jntadr[body]] != free
-    ]
-
-
-def _path(file: Description, body: int) -> list[int]:
-    """Return the moving bodies from the robot's body to a body, this one included."""
-    moving = set(_moving(file.model))
-    return [b for b in reversed(with_carriers(file.model, body)) if b in moving]
-
-
-def _longest(file: Description, body: int) -> list[int]:
-    """Return the chain of joints from a body on; the fingers of a gripper do not belong to it."""
-    chain = [body]
-    while True:
-        here = chain[-1]
-        after = [b for b in _moving(file.model) if _path(file, b)[:-1][-1:] == [here]]
-        if not after or (
-            len(chain) >= JOINTS and (len(after) > 1 or not _is_hinge(file, after[0]))
-        ):
-            return chain
-        if len(after) > 1:
-            names = ", ".join(repr(body_name(file.model, b)) for b in after)
-            raise RobotError(
-                f"the chain of joints branches after link {body_name(file.model, here)!r} into "
-                f"{names}; name the last link of each limb with tips"
-            )
-        chain += after
-
-
-def _is_hinge(file: Description, body: int) -> bool:
-    return file.model.body_jntnum[body] == 1 and int(file.model.body_jntadr[body]) in file.joints
-
-
-def _hinge(file: Description, body: int) -> int:
-    """Return the joint that moves a body."""
-    model = file.model
-    if model.body_jntnum[body] > 1:
-        raise RobotError(
-            f"link {body_name(model, body)!r} has {model.body_jntnum[body]} joints; a link of a "
-            "limb must have one, revolute"
-        )
-    joint = int(model.body_jntadr[body])
-    if joint not in file.joints:
-        kind = {
-            int(mujoco.mjtJoint.mjJNT_SLIDE): "prismatic",
-            int(mujoco.mjtJoint.mjJNT_BALL): "a ball joint",
-        }[int(model.jnt_type[joint])]
-        raise RobotError(
-            f"joint {model.joint(joint).name!r} is {kind}; the joints of a limb must be revolute"
-        )
-    for k in range(model.neq):
-        if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj1id[k] == joint:
-            other = int(model.eq_obj2id[k])
-            leader = f" joint {model.joint(other).name!r}" if other >= 0 else " a constant"
-            raise RobotError(
-                f"joint {model.joint(joint).name!r} mimics{leader}; every joint of a limb must "
-                "move by itself"
-            )
-    return joint
-
-
-def _frame_named(file: Description, name: str) -> tuple[int, Array, Array]:
-    """Return the link or site of a name: body, position [m] and rotation."""
-    model = file.model
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, str(name))
-    if site >= 0:
-        return _site(model, site)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, str(name))
-    if body < 1:
-        links = ", ".join(body_name(model, b) for b in range(1, model.nbody))
-        sites = ", ".join(str(model.site(k).name) for k in range(model.nsite))
-        known = links + (f"; sites {sites}" if sites else "")
-        raise RobotError(f"the file has no link or site {shortened(name)}; it has links {known}")
-    return body, np.zeros(3), np.eye(3)
-
-
-def _site(model: Any, site: int) -> tuple[int, Array, Array]:
-    rotation = np.empty(9)
-    mujoco.mju_quat2Mat(rotation, model.site_quat[site])
-    return int(model.site_bodyid[site]), model.site_pos[site].copy(), rotation.reshape(3, 3)
-
-
-def _usual_tool(file: Description, last: int) -> tuple[int, Array, Array]:
-    """Return the tool frame behind the last joint: by a customary name, or the last link."""
-    model = file.model
-    fixed = [b for b in range(1, model.nbody) if _path(file, b)[-1:] == [last]]
-    frames = {str(model.site(k).name): k for k in range(model.nsite)
-              if int(model.site_bodyid[k]) in fixed}  # fmt: skip
-    links = {body_name(model, b): b for b in fixed if b != last}
-    for ending in TOOL_NAMES:
-        for name, site in frames.items():
-            if name.endswith(ending):
-                return _site(model, site)
-        for name, body in links.items():
-            if name.endswith(ending):
-                return body, np.zeros(3), np.eye(3)
-    leaves = [b for b in fixed if b not in {int(model.body_parentid[c]) for c in fixed if c != b}]
-    end = leaves[0] if len(leaves) == 1 else last
-    return end, np.zeros(3), np.eye(3)
+    tree.file.data.qpos[tree.model.jnt_qposadr[arm.joints[index]]] = angle
+    return arm._replace(held=index, angle=angle)

@@ -1,33 +1,27 @@
-"""One limb of a URDF or MJCF file."""
+"""One limb of a URDF or MJCF file: its chain of joints, its masses and its shapes."""
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from dataclasses import astuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import closed_form
-from mlivr_gym.robot.any_limb import AnyLimb
-from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.default_shapes import default_capsules, gripper_capsule
-from mlivr_gym.robot.description import LEAST_MASS, ROTORS, Description
-from mlivr_gym.robot.file_arms import FileArm
-from mlivr_gym.robot.file_chain import figures_of_limb
-from mlivr_gym.robot.file_parts import LimbParts, joined
-from mlivr_gym.robot.file_shapes import fitted_capsules, limb_visuals, links_apart
-from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_data
-from mlivr_gym.robot.link_frames import inverse, rigid
-from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.rigid import RigidBody, cylinder
-from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
-from mlivr_gym.robot.visuals import Visual
-from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
+from mlivr_gym.robot.capsules import Capsule
+from mlivr_gym.robot.default_shapes import default_capsules
+from mlivr_gym.robot.description import LEAST_MASS
+from mlivr_gym.robot.file_arms import FileArm, Tree
+from mlivr_gym.robot.file_options import FileOptions
+from mlivr_gym.robot.file_parts import LimbParts, foot, frame_on, joined, mount_of, tilt_of
+from mlivr_gym.robot.file_shapes import fitted_capsules
+from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
+from mlivr_gym.robot.limb_dynamics import LimbDynamics
+from mlivr_gym.robot.link_frames import inverse, quaternion_of, rigid, turn_about_z
+from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
+from mlivr_gym.values import MAX_ROBOT_LENGTH, as_triple
 
 ROTOR_INERTIA = 0.1
 """Inertia of a rotor where neither file nor caller gives one [kg m^2]: MuJoCo Menagerie's UR arms.
@@ -36,109 +30,34 @@ ROTOR_INERTIA = 0.1
 GRIPPER_MASS = 0.5
 """Mass of the gripper that is added to an arm without one [kg]."""
 
-DECIMALS = 9
-"""Lengths are rounded to nanometres."""
+ENDLESS = 1000.0
+"""Limit from which on a joint turns without end [rad]."""
 
-LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
-"""Validator of a length [m] that may be None."""
-
-
-def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
-    if isinstance(value, str):
-        return Choice(("ur5e",)).read(value, place)
-    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
+SAME = 1e-11
+"""Parts of frames below this are rounding errors [m, rad]."""
 
 
-@dataclass(frozen=True)
-class FileOptions:
-    """What a caller says of a robot from a URDF or MJCF file; None for what the file says.
-
-    Where a list may be given it has an entry for each limb or joint, in the order of the file.
-    """
-
-    limbs: Annotated[int | None, OrNone(Integer(2, MOST_LIMBS))] = None
-    """Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the number
-    that the file has."""
-    tips: Annotated[tuple[str, ...] | None, OrNone(ListOf(NAME, 1))] = None
-    """For each limb the name of its last link, or of a site on it; None for every chain of joints
-    that begins at the body."""
-    tool_frame: Annotated[tuple[str, ...] | None, OrNone(OneOrEach(NAME))] = None
-    """Name of the link or site at which a limb grasps, or a list; None for a customary name such as
-    `tool0`, or the last link."""
-    tool_length: Annotated[float | None, LENGTH] = None
-    """Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
-    or, if it has none, for the default gripper of 0.05 m."""
-    mount_radius: Annotated[float | None, LENGTH] = None
-    """Distance of an arm's base from the body's z axis [m], if the file is one arm; by default half
-    the body's longest edge, and more if its upper arm could not turn there."""
-    body_size: Annotated[float | Triple | None, OrNone(SizeOrEdges())] = None
-    """Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes of
-    a whole robot's body."""
-    speed_limits: Annotated[
-        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s")))
-    ] = None
-    """Largest speed of every joint, or a list [rad/s]. MJCF has no field for them but a `<numeric>`
-    of this name."""
-    torque_limits: Annotated[
-        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m")))
-    ] = None
-    """Largest torque of every joint, or a list [N m]."""
-    rotor_inertia: Annotated[float | None, OrNone(Tuples((), 0.0, 1e3, "kg m^2"))] = None
-    """Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
-    the file, or `ROTOR_INERTIA` where it has none."""
-    held_joint: Annotated[tuple[str | None, ...] | None, OrNone(OneOrEach(OrNone(NAME)))] = None
-    """Name of the joint that does not move in an arm of seven, or a list; None for the third joint,
-    and for a limb of six joints."""
-    held_angle: Annotated[tuple[float | None, ...] | None, OrNone(OneOrEach(OrNone(Tuples())))] = (
-        None
-    )
-    """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
-    capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
-    """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
-    shapes of the file. `"ur5e"` stands for those that a limb has by default, simple ones along its
-    links."""
-    package_dirs: Annotated[tuple[str | Path, ...], ListOf(FileName())] = ()
-    """Folders in which the packages of `package://` names lie, in addition to those above the file.
-    """
-
-
-FILE_OPTIONS = Struct.of(FileOptions)
-"""Fields of a `FileOptions`."""
-
-
-@dataclass(frozen=True)
-class FileLimb:
+class FileLimb(NamedTuple):
     """A limb of a file."""
 
-    limb: AnyLimb
-    """Lengths and joint limits."""
+    limb: Limb
+    """Its kinematics."""
     joint_names: tuple[str, ...]
     """Names of its joints that move."""
     mount: Array
-    """Base frame of the limb in the body's frame, of a file of one arm in the world, (4, 4)."""
+    """Its mount in the world, shape (4, 4)."""
     capsules: tuple[Capsule, ...]
     """Collision shapes."""
     excess: dict[str, float]
     """Largest excess of the capsules of each link [m]."""
-    dynamics: LimbDynamics
-    """Masses, inertias and limits."""
-    tool_length: float
-    """Distance from the flange to the grasp [m]."""
+    dynamics: LimbDynamics | None
+    """Masses, inertias and limits; None if the file does not have them all."""
     gripper_mass: float
     """Mass of a gripper that the last link does not include [kg]."""
-    apart: tuple[tuple[str, str], ...]
-    """Links whose shapes never meet, see `RobotSpec.apart`."""
     visuals: tuple[Visual, ...]
     """Meshes that show it."""
     notes: tuple[str, ...]
     """What the file does not say, in words."""
-
-    @property
-    def described_capsules(self) -> tuple[Capsule, ...] | None:
-        """Its collision shapes, None if they are those that a limb has by default."""
-        default = default_capsules(self.limb, self.tool_length)
-        same = _alike(tuple(map(astuple, self.capsules)), tuple(map(astuple, default)))
-        return None if same else self.capsules
 
     def is_like(self, other: FileLimb) -> bool:
         """Return whether another limb has the same figures, to the last rounded digit."""
@@ -147,143 +66,165 @@ class FileLimb:
     @property
     def _figures(self) -> tuple[Any, ...]:
         """What limbs that are like each other have in common, in nested tuples."""
-        limb, shapes = self.limb, tuple(map(astuple, self.capsules))
-        held = limb.held_joint, limb.held_angle, *limb.senses.tolist()
-        lengths = *limb.steps.ravel().tolist(), *limb.limits.ravel().tolist()
-        return (*held, lengths, shapes, astuple(self.dynamics), self.gripper_mass)
+        shapes = tuple(map(astuple, self.capsules))
+        dynamics = None if self.dynamics is None else astuple(self.dynamics)
+        return (astuple(self.limb), shapes, dynamics, self.gripper_mass)
 
 
 def limb_of(
-    file: Description, members: LimbParts, options: FileOptions, length: float, body: Array
+    tree: Tree, parts: LimbParts, options: FileOptions, length: float, up: Array | None
 ) -> FileLimb:
     """Return a limb of a file, whose flange is made to lie at a distance from the grasp [m].
 
-    The frame of the robot's body in the world has shape (4, 4). Raises a `RobotError` if a figure
-    is missing.
+    The x axis of its mount is as a direction `up`, or if none is given as that of the link that
+    carries it. Raises a `RobotError` if the joints are those of no limb.
     """
-    arm, notes = members.arm, list[str]()
-    limb, base = members.chain.limb, members.chain.mount
-    shift = round(members.tool_length - length, DECIMALS)
-    if limb.base_in_mount is not None:
-        base = base @ rigid(*limb.base_in_mount)
-    if shift:
-        limb = limb.with_flange_moved(shift)
-    frames = base @ limb.frames_at_zero
+    file, arm, notes = tree.file, parts.arm, list[str]()
+    flange = parts.grasp @ rigid(np.eye(3), (0.0, 0.0, -length))
+    limb, mount = _chain_of(tree, arm, flange, up)
+    frames = mount @ limb.base_in_mount @ limb.frames_at_zero
     if arm.held is not None:
-        joint, held = arm.held
-        notes.append(f"joint {file.joints[joint].name} held at {held.angle:g} rad")
+        name = file.joints[arm.joints[arm.held]].name
+        notes.append(f"joint {name} held at {arm.angle:g} rad")
     if closed_form(limb.steps) is None:
         notes.append("of no closed form, solved numerically")
-    masses = [joined(file, part, frame) for _, part, frame in members.on(frames)]
-    if members.gripper:
-        masses, gripper_mass = _with_gripper(file, members, frames[6], masses, shift)
-    else:
-        masses, gripper_mass = masses[:7], GRIPPER_MASS
-        notes.append(f"a gripper of {members.tool_length:g} m and {gripper_mass:g} kg added")
-    rotors = tuple(file.joints[joint].rotor for joint in arm.joints)
-    if options.rotor_inertia is not None:
-        rotors = (options.rotor_inertia,) * len(rotors)
-    elif ROTORS in file.fields:
-        rotors = figures_of_limb(file, ROTORS, members.number)
-    elif None in rotors:
-        notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
-    known_rotors = tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors)
-    dynamics = _dynamics(file, arm, masses, known_rotors)
-    apart: tuple[tuple[str, str], ...] = ()
+    if not parts.gripper:
+        notes.append(f"a gripper of {parts.tool_length:g} m and {GRIPPER_MASS:g} kg added")
     if options.capsules is None:
-        capsules, excess = fitted_capsules(file, members, frames, length)
-        if not members.gripper:
-            capsules = (*capsules, gripper_capsule(length, shift))
-        apart = links_apart(file, members, base, limb)
+        capsules, excess = fitted_capsules(tree, parts.on(frames), length, bool(parts.gripper))
     elif isinstance(options.capsules, str):
         capsules, excess = default_capsules(limb, length), {}
         notes.append("collision shapes are not the file's but along the links")
     else:
         capsules, excess = options.capsules, {}
+    seen = tuple(
+        mesh.seen_from(link, inverse(frame) @ tree.frame(body))
+        for link, bodies, frame in parts.on(frames)
+        for body in bodies
+        for mesh in file.visuals.get(body, ())
+    )
+    dynamics = _dynamics(tree, parts, options, frames, notes)
     return FileLimb(
-        limb, tuple(file.joints[joint].name for joint in arm.joints),
-        inverse(body) @ members.chain.mount, capsules, excess, dynamics, length, gripper_mass,
-        apart, limb_visuals(file, members, frames), tuple(notes),
+        limb, tuple(file.joints[joint].name for joint in arm.moving), mount, capsules, excess,
+        dynamics, 0.0 if parts.gripper else GRIPPER_MASS, seen[:MOST_VISUALS],
+        (*filter(None, [tilt_of(tree, parts)]), *notes),
     )  # fmt: skip
 
 
+def _chain_of(tree: Tree, arm: FileArm, flange: Array, up: Array | None) -> tuple[Limb, Array]:
+    """Return the chain of an arm and its mount in the world, by its flange there, (4, 4).
+
+    The frame of a link has its origin where the joint's axis is closest to that of the
+    link before, and its x axis as the file has it.
+    """
+    data, joints = tree.file.data, list(arm.joints)
+    moved = [int(tree.model.jnt_bodyid[joint]) for joint in joints]
+    axes, anchors = data.xaxis[joints].copy(), data.xanchor[joints].copy()
+    _check_size(tree, arm, np.vstack([anchors, flange[None, :3, 3]]))
+    mount, senses = mount_of(tree, arm, up), np.ones(len(joints))
+    senses[0], senses[-1] = np.sign([mount[:3, 2] @ axes[0], flange[:3, 2] @ axes[-1]])
+    along = senses[:, None] * axes
+    frames = [mount]
+    for k, body in enumerate(moved[:-1]):
+        place = foot(axes, anchors, 1, 0) if k == 1 else frames[-1][:3, 3]
+        place = anchors[0] if k == 0 else place
+        frames.append(frame_on(tree.frame(body), along[k], anchors[k], place))
+    frames.append(flange)
+    at_zero = list(frames)
+    if arm.held is not None:
+        # The file holds the joint at its angle.
+        at_zero[arm.held + 1] = frames[arm.held + 1] @ turn_about_z(-senses[arm.held] * arm.angle)
+    steps = [inverse(frames[k]) @ at_zero[k + 1] for k in range(len(joints))]
+    for step in steps:
+        step[np.abs(step) < SAME] = 0.0
+    held = {} if arm.held is None else {"held_joint": arm.held + 1, "held_angle": arm.angle}
+    try:
+        limb = Limb(
+            tuple(as_triple(step[:3, 3]) for step in steps),
+            tuple(map(tuple, quaternion_of(np.array(steps)[:, :3, :3]).tolist())),
+            tuple(_limits(tree, joint) for joint in joints),
+            None if (senses > 0.0).all() else tuple(senses.tolist()), **held,
+        )  # fmt: skip
+    except RobotError as fault:
+        if arm.held is None:
+            raise
+        raise RobotError(
+            f"joint {tree.file.joints[joints[arm.held]].name!r} cannot be held at {arm.angle:g} "
+            f"rad, give another held_angle or held_joint: {fault}"
+        ) from None
+    return limb, mount
+
+
+def _limits(tree: Tree, joint: int) -> tuple[float, float]:
+    """Return the limits of a joint's angle [rad]."""
+    name, limits, *_ = tree.file.joints[joint]
+    if limits is None:
+        raise RobotError(
+            f"joint {name!r} has no limits; give it a lower and an upper angle [rad], the lower "
+            "one first"
+        )
+    low, high = limits
+    if FARTHEST_TURN < max(abs(low), abs(high)) < ENDLESS:
+        raise RobotError(
+            f"joint {name!r} has limits from {low:g} to {high:g} rad; angles are in radians, at "
+            f"most {FARTHEST_TURN:g}: are these degrees?"
+        )
+    return max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)
+
+
+def _check_size(tree: Tree, arm: FileArm, points: Array) -> None:
+    """Refuse an arm longer than any robot, which is probably given in millimetres."""
+    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length > MAX_ROBOT_LENGTH:
+        first, last = (tree.file.joints[arm.joints[k]].name for k in (0, -1))
+        raise RobotError(
+            f"the limb of joints {first!r} to {last!r} is {length:.4g} m long; it must be at most "
+            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
+        )
+
+
 def _dynamics(
-    file: Description, arm: FileArm, masses: list[RigidBody], rotors: tuple[float, ...]
-) -> LimbDynamics:
-    """Return masses, inertias and limits of the limb, whose rotors have given inertias."""
-    figures = [file.joints[joint] for joint in arm.joints]
-    for one in figures:
-        if one.torque is None:
-            raise RobotError(
-                f"joint {one.name!r} has no torque limit; give from_urdf or from_mjcf "
-                "torque_limits [N m] (URDF: effort; MJCF: actuatorfrcrange, or forcerange)"
-            )
-        if not one.speed:
-            raise RobotError(
-                f"joint {one.name!r} has no speed limit; give from_urdf or from_mjcf speed_limits "
-                "above 0 [rad/s] (URDF: velocity; MJCF: a <numeric> named 'speed_limits')"
-            )
-    for link, part in zip(arm.links, masses[1:], strict=True):
-        if part.mass <= 0.0:
-            raise RobotError(
-                f"link {file.model.body(link).name!r} has no mass; give it an inertial with the "
-                "mass [kg] and the inertia [kg m^2]"
-            )
-        moments = part.principal_moments
-        if moments[0] <= 2.0 * LEAST_MASS:
-            raise RobotError(
-                f"link {file.model.body(link).name!r} has {part.mass:g} kg and the principal "
-                f"moments {', '.join(f'{moment:.3g}' for moment in moments)} kg m^2; give its "
-                "inertial moments above 0"
-            )
+    tree: Tree, parts: LimbParts, options: FileOptions, frames: Array, notes: list[str]
+) -> LimbDynamics | None:
+    """Return masses, inertias and limits of a limb, None if the file does not have them all.
+
+    What is missing is added to the notes, and what is assumed.
+    """
+    file, joints = tree.file, [tree.file.joints[joint] for joint in parts.arm.moving]
+    masses = [joined(tree, bodies, frame) for _, bodies, frame in parts.on(frames)][:6]
+    masses.append(joined(tree, (*parts.links[5], *parts.gripper), frames[6]))
+    bare = [
+        tree.name(int(file.model.jnt_bodyid[joint]))
+        for joint, part in zip(parts.arm.moving, masses[1:], strict=True)
+        if part.mass <= 0.0 or part.principal_moments[0] <= 2.0 * LEAST_MASS
+    ]
+    missing = [
+        (f"mass or inertia of link {', '.join(bare)}", bare),
+        ("torque limit of joint " + ", ".join(one.name for one in joints if not one.torque),
+         [one for one in joints if not one.torque]),
+        ("speed limit of joint " + ", ".join(one.name for one in joints if not one.speed),
+         [one for one in joints if not one.speed]),
+    ]  # fmt: skip
+    if any(found for _, found in missing):
+        told = "; ".join(text for text, found in missing if found)
+        notes.append(f"not to be simulated, the file lacks {told}")
+        return None
+    rotors = [one.rotor if options.rotor_inertia is None else options.rotor_inertia
+              for one in joints]  # fmt: skip
+    if None in rotors:
+        notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
     base = masses[0]
-    size = _cylinder_of(base)
     return LimbDynamics(
         base.mass,
         tuple(part.mass for part in masses[1:]),
         tuple(part.centre for part in masses[1:]),
         tuple(part.inertia for part in masses[1:]),
-        tuple(float(one.torque or 0.0) for one in figures),
-        tuple(float(one.speed or 0.0) for one in figures),
-        rotors,
-        size,
-        None if size or not base.mass else base.centre,
-        None if size or not base.mass else base.inertia,
+        tuple(float(one.torque or 0.0) for one in joints),
+        tuple(float(one.speed or 0.0) for one in joints),
+        tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors),
+        base.centre if base.mass else None,
+        base.inertia if base.mass else None,
     )
-
-
-def _cylinder_of(base: RigidBody) -> tuple[float, float] | None:
-    """Return radius and length [m] of the cylinder on the body that a base is, None if none."""
-    if not base.mass:
-        return None
-    radius = float(np.sqrt(2.0 * base.inertia[2] / base.mass))
-    length = 2.0 * base.centre[2]
-    if radius < MIN_SIZE or length < MIN_SIZE:
-        return None
-    same = _same(base, cylinder(base.mass, radius, length, 0.5 * length))
-    return (radius, length) if same else None
-
-
-def _with_gripper(
-    file: Description, members: LimbParts, flange: Array, masses: list[RigidBody], shift: float
-) -> tuple[list[RigidBody], float]:
-    """Return masses of base and links, and that of a gripper that is none of them.
-
-    `masses` has the file's gripper last, whose own flange lies `shift` behind the limb's [m].
-    """
-    gripper, length = masses[7], members.tool_length
-    radius = arm_data("ur5e")["gripper"]["radius"]
-    middle = 0.5 * length - shift
-    if _same(gripper, cylinder(gripper.mass, radius, max(length, 0.01), middle)):
-        return masses[:7], gripper.mass
-    last = joined(file, (*members.links[5], *members.gripper), flange)
-    return [*masses[:6], last], 0.0
-
-
-def _same(first: RigidBody, second: RigidBody) -> bool:
-    """Return whether two bodies move alike."""
-    figures = [(body.mass, *body.centre, *body.inertia) for body in (first, second)]
-    return bool(np.allclose(figures[0], figures[1], rtol=1e-9, atol=1e-9))
 
 
 def _alike(one: object, other: object) -> bool:

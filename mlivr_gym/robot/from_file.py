@@ -1,7 +1,7 @@
 """Robots from URDF and MJCF files.
 
 A file is either one arm, of which several are mounted evenly round a body, or a whole robot, whose
-body and limbs are found from the tree of its links. Lengths, limits, masses, inertias and collision
+body and limbs are found from the tree of its links. Joints, limits, masses, inertias and collision
 shapes come from the file; whatever it does not say is named in `RobotSpec.source`.
 """
 
@@ -16,16 +16,17 @@ import numpy as np
 from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
-from mlivr_gym.robot.description import ROTORS, WINDOWS, Description, read_description
-from mlivr_gym.robot.file_arms import arms_of, body_frame, body_name, with_held_joints
-from mlivr_gym.robot.file_chain import LIMBS
-from mlivr_gym.robot.file_limb import FILE_OPTIONS, FileLimb, FileOptions, limb_of
-from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts
+from mlivr_gym.robot.description import Description, read_description, written_in
+from mlivr_gym.robot.export import is_as_written
+from mlivr_gym.robot.file_arms import Tree, arms_of, with_held_joints
+from mlivr_gym.robot.file_limb import FileLimb, limb_of
+from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
+from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts, mount_of
 from mlivr_gym.robot.file_shapes import box_round, solids
+from mlivr_gym.robot.file_text import read_tree
 from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.robot.rigid import RigidBody, box_inertia
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple
 
@@ -35,8 +36,11 @@ UR5E_ARM = 0.425 + 0.3922
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
 
-KEPT_APART = (WINDOWS, ROTORS, LIMBS)
-"""Fields of a file of this package that are none of `RobotSpec`."""
+PLANNED = (
+    "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
+    "apart",
+)  # fmt: skip
+"""Fields of a robot that this package wrote into a file, and that hold if the file was changed."""
 
 EVEN = 1e-6
 """Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
@@ -48,13 +52,10 @@ class RobotFile:
 
     fields: dict[str, Any]
     """Fields of `RobotSpec`."""
-    file_limbs: tuple[FileLimb, ...]
-    """Each limb as the file has it, N of them; equal limbs of one arm share it."""
-
-    @property
-    def joint_names(self) -> tuple[tuple[str, ...], ...]:
-        """Names of the joints that move in the file, N of six."""
-        return tuple(limb.joint_names for limb in self.file_limbs)
+    joint_names: tuple[tuple[str, ...], ...]
+    """Names of the joints that move in the file, N of six."""
+    file_limbs: tuple[FileLimb, ...] = ()
+    """Each limb as the file has it; none if this package wrote the file."""
 
     @property
     def capsule_excess(self) -> tuple[dict[str, float], ...]:
@@ -65,9 +66,10 @@ class RobotFile:
 def read_robot(path: str | Path, **options: Any) -> RobotFile:
     """Read a robot from a URDF or MJCF file.
 
-    Options are fields of `file_limb.FileOptions`, such as `limbs`, `tool_frame` or `speed_limits`,
-    and further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where `heights`, `span`
-    and `characteristic_length` are not given, those of the default robot grow with the arm.
+    Options are fields of `file_options.FileOptions`, such as `limbs`, `tool_frame` or
+    `speed_limits`, and further fields of `RobotSpec`, such as `name`, `heights` or `span`. Where
+    `heights`, `span` and `characteristic_length` are not given, those of the default robot grow
+    with the arm.
 
     Raises a `RobotError` if the file cannot be read, or describes a robot that is not supported;
     the message names the joint or link, its value and what would be valid.
@@ -81,47 +83,53 @@ def read_robot(path: str | Path, **options: Any) -> RobotFile:
     said = {key: value for key, value in options.items() if key in FILE_OPTIONS.validators}
     fields = {key: value for key, value in options.items() if key not in said}
     known = FILE_OPTIONS.read(said, FieldPath("", RobotError))
-    return FieldPath(f"robot {path_shown(path)}", RobotError).build(_read, name, known, fields)
+    place = FieldPath(f"robot {path_shown(path)}", RobotError)
+    return place.build(_read, Path(name), known, fields, bool(said))
 
 
-def _read(path: str, options: FileOptions, fields: dict[str, Any]) -> RobotFile:
+def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: bool) -> RobotFile:
     """Read a robot by what a caller says and by the fields that a caller gives."""
-    file = read_description(path, options.package_dirs, options.speed_limits, options.torque_limits)
-    arms = arms_of(file, options.tips, options.tool_frame)
-    arms = with_held_joints(file, arms, options.held_joint, options.held_angle)
-    parts = tuple(limb_parts(file, arms, k, options.tool_length) for k in range(len(arms)))
+    from mlivr_gym.robot.specification import RobotSpec
+
+    tree = read_tree(path)
+    written = written_in(tree)
+    if written and not is_told:
+        robot = RobotSpec.from_dict(written)
+        if is_as_written(robot, tree):
+            return RobotFile(written | fields, robot.named_joints)
+    file = read_description(
+        path, tree, options.package_dirs, options.speed_limits, options.torque_limits,
+        options.capsules is None,
+    )  # fmt: skip
+    links = Tree(file)
+    arms = arms_of(links, options.tips, options.tool_frame)
+    arms = with_held_joints(links, arms, options.held_joint, options.held_angle)
+    parts = [limb_parts(links, arms, k, options.tool_length) for k in range(len(arms))]
     if len(arms) == 1:
-        return _of_one_arm(file, parts[0], options, fields)
-    if options.limbs not in (None, len(arms)):
-        raise RobotError(f"limbs is {options.limbs}; the file has {len(arms)} limbs")
-    if options.mount_radius is not None:
-        raise RobotError(
-            f"mount_radius is {options.mount_radius}; the file is a whole robot of {len(arms)} "
-            "limbs, whose mounts it names"
-        )
-    body, parts, build = _body_of(file, parts, options.body_size)
-    # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
-    shortest = min(part.tool_length for part in parts)
-    limbs = tuple(limb_of(file, part, options, shortest, body) for part in parts)
-    alike = all(limb.is_like(limbs[0]) for limb in limbs)
-    if alike and "mount_radius" in build:
-        build["limbs"] = len(limbs)
+        limbs, build = _one_arm(links, parts[0], options)
     else:
-        build.pop("mount_radius", None)
-        build["mounts"] = tuple(_mount(limb, alike) for limb in limbs)
-    return RobotFile(_fields(file, limbs, fields, build), limbs)
+        limbs, build = _whole(links, parts, options)
+    planned = {key: value for key, value in written.items() if key in PLANNED}
+    return RobotFile(
+        _fields(file, limbs, build) | planned | fields,
+        tuple(limb.joint_names for limb in limbs),
+        tuple(limbs),
+    )
 
 
-def _of_one_arm(
-    file: Description, parts: LimbParts, options: FileOptions, fields: dict[str, Any]
-) -> RobotFile:
-    """Return a robot of equal arms mounted evenly round a box."""
-    limb = limb_of(file, parts, options, parts.tool_length, np.eye(4))
+def _one_arm(
+    tree: Tree, parts: LimbParts, options: FileOptions
+) -> tuple[list[FileLimb], dict[str, Any]]:
+    """Return equal arms mounted evenly round a box, and the fields of the robot's build."""
+    limb = limb_of(tree, parts, options, parts.tool_length, None)
     count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
     if radius is None:
         radius = 0.5 * float(np.max(size)) + _stand_off(limb)
-    build = {"limbs": count, "body_size": size, "mount_radius": radius}
-    return RobotFile(_fields(file, (limb,), fields, build), (limb,) * count)
+    names = [tuple(f"limb{i}/{name}" for name in limb.joint_names) for i in range(count)]
+    return [limb] * count, {
+        "limbs": count, "body_size": size, "mount_radius": radius,
+        "tool_length": parts.tool_length, "joint_names": tuple(names),
+    }  # fmt: skip
 
 
 def _stand_off(limb: FileLimb) -> float:
@@ -139,25 +147,58 @@ def _stand_off(limb: FileLimb) -> float:
     return round(max(lows), 3)
 
 
+def _whole(
+    tree: Tree, parts: list[LimbParts], options: FileOptions
+) -> tuple[list[FileLimb], dict[str, Any]]:
+    """Return the limbs of a whole robot and the fields of its build."""
+    count = len(parts)
+    if options.limbs not in (None, count):
+        raise RobotError(f"limbs is {options.limbs}; the file has {count} limbs")
+    if options.mount_radius is not None:
+        raise RobotError(
+            f"mount_radius is {options.mount_radius}; the file is a whole robot of {count} limbs, "
+            "whose mounts it names"
+        )
+    # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
+    length = min(part.tool_length for part in parts)
+    members = body_parts(tree, tuple(part.arm for part in parts))
+    bases = [mount_of(tree, part.arm) for part in parts]
+    even = _even_frame(np.array(bases), tree.frame(members[0])[:3, :3])
+    body, build = _body_of(tree, members, even, options.body_size)
+    order = range(count) if even is None else even[2]
+    limbs = [limb_of(tree, parts[k], options, length, body[:3, 2]) for k in order]
+    alike = all(limb.is_like(limbs[0]) for limb in limbs)
+    build |= {"tool_length": length, "joint_names": tuple(limb.joint_names for limb in limbs)}
+    if alike and even is not None:
+        return limbs, build | {"limbs": count, "mount_radius": even[1]}
+    build["mounts"] = tuple(
+        Mount(
+            tuple(place[:3, 3].tolist()), tuple(map(tuple, place[:3, :3].tolist())),
+            *(() if alike else (limb.limb, limb.capsules, limb.dynamics, limb.visuals or None)),
+        )
+        for limb in limbs
+        for place in [inverse(body) @ limb.mount]
+    )  # fmt: skip
+    return limbs, build
+
+
 def _body_of(
-    file: Description, limbs: tuple[LimbParts, ...], size: float | Triple | None
-) -> tuple[Array, tuple[LimbParts, ...], dict[str, Any]]:
-    """Return the body of a whole robot: its frame in the world (4, 4), limbs, and robot's fields.
+    tree: Tree,
+    members: tuple[int, ...],
+    even: tuple[Array, float, tuple[int, ...]] | None,
+    size: float | Triple | None,
+) -> tuple[Array, dict[str, Any]]:
+    """Return the frame of a robot's body in the world (4, 4), and the robot's fields of it.
 
     If the limbs are mounted evenly its x axis points to limb 0, and its z axis is that round which
-    they lie in order, the x axes of their bases along it; else its axes are those of the root link,
-    and its origin the middle of its shapes. Its edge or three edges may be given [m]; else it is
-    the box round its shapes. The fields are those of size and mass, and `mount_radius` if the
-    limbs are mounted evenly. Raises a `RobotError` if the body has no mass, or no shape and no
-    size.
+    they lie in order; else its axes are those of the root link, and its origin the middle of its
+    shapes. Its edge or three edges may be given [m]; else it is the box round its shapes. Raises a
+    `RobotError` if the body has no shape and no size.
     """
-    members = body_parts(file, tuple(limb.arm for limb in limbs))
-    name = body_name(file.model, members[0])
-    root = body_frame(file.data, members[0])
-    even = _even_frame(np.array([limb.chain.mount for limb in limbs]), root[:3, :3])
-    frame = root if even is None else even[0]
-    shapes = solids(file, members, frame)
+    frame = tree.frame(members[0]) if even is None else even[0]
+    shapes = solids(tree, members, frame)
     if not shapes and size is None:
+        name = tree.name(members[0])
         raise RobotError(f"the body {name!r} has no collision shape; give body_size [m]")
     if size is None:
         middle, half = box_round(shapes, even is not None)
@@ -165,29 +206,12 @@ def _body_of(
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
         size = x if x == y == z else (x, y, z)
-    solid = joined(file, members, frame)
-    if not solid.mass:
-        raise RobotError(
-            f"link {name!r}, the body, has no mass; give it an inertial with the mass [kg] and the "
-            "inertia [kg m^2]"
-        )
-    fields: dict[str, Any] = {
-        "body_size": size,
-        "body_mass": solid.mass,
-        "body_centre": solid.centre,
-        "body_inertia": _body_inertia(solid, size),
-    }
-    if even is not None:
-        fields["mount_radius"] = even[1]
-        limbs = tuple(_upright(limbs[k], frame) for k in even[2])
-    return frame, limbs, fields
-
-
-def _body_inertia(solid: RigidBody, size: float | Triple) -> tuple[float, ...] | None:
-    """Return the inertia of a body, None if it is that of a homogeneous box."""
-    box = box_inertia(solid.mass, np.broadcast_to(np.asarray(size, dtype=np.float64), 3))
-    same = np.allclose(solid.inertia, box, rtol=1e-9, atol=1e-9)
-    return None if same and np.allclose(solid.centre, 0.0, atol=1e-9) else solid.inertia
+    solid, build = joined(tree, members, frame), dict[str, Any](body_size=size)
+    if solid.mass:
+        build |= {
+            "body_mass": solid.mass, "body_centre": solid.centre, "body_inertia": solid.inertia,
+        }  # fmt: skip
+    return frame, build
 
 
 def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
@@ -215,75 +239,31 @@ def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ..
     return None
 
 
-def _upright(limb: LimbParts, body: Array) -> LimbParts:
-    """Return a limb whose base has its x axis along the z axis of the body, by its frame (4, 4)."""
-    x, y, *_ = (inverse(body) @ limb.chain.mount)[2]
-    angle = float(np.arctan2(y, x))
-    return limb if abs(angle) < EVEN else limb._replace(chain=limb.chain.turned(angle))
-
-
-def _mount(limb: FileLimb, alike: bool) -> Mount:
-    """Return the mount of a limb, with the limb itself if the limbs differ."""
-    x, y, z = limb.mount[:3, 3].tolist()
-    a, b, c = (tuple(row) for row in limb.mount[:3, :3].tolist())
-    if alike:
-        return Mount((x, y, z), (a, b, c))
-    return Mount(
-        (x, y, z),
-        (a, b, c),
-        limb.limb,
-        limb.described_capsules,
-        limb.dynamics,
-        limb.visuals or None,
-    )
-
-
-def _fields(
-    file: Description,
-    limbs: tuple[FileLimb, ...],
-    fields: dict[str, Any],
-    build: dict[str, Any],
-) -> dict[str, Any]:
-    """Return the fields of a robot; those that a caller gives come before those of the file."""
+def _fields(file: Description, limbs: list[FileLimb], build: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a robot."""
     first = limbs[0]
-    names = [limb.joint_names for limb in (limbs if len(limbs) > 1 else limbs * build["limbs"])]
-    if len(limbs) == 1:
-        names = [tuple(f"limb{i}/{name}" for name in limb) for i, limb in enumerate(names)]
     scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
-    described = {
+    return {
         "name": file.name,
         "limb": first.limb,
-        "capsules": first.described_capsules,
+        "capsules": first.capsules,
         "visuals": first.visuals or None,
         "dynamics": first.dynamics,
-        "tool_length": first.tool_length,
-        "gripper_mass": first.gripper_mass,
-        "apart": tuple(p for p in first.apart if all(p in limb.apart for limb in limbs)),
+        "gripper_mass": min(limb.gripper_mass for limb in limbs),
         "source": _source(file, limbs),
         "heights": tuple(scale * height for height in HEIGHTS),
         "span": scale * SPAN,
         "characteristic_length": scale * CHARACTERISTIC_LENGTH,
-        "joint_names": None if _are_usual(names) else tuple(names),
+        **build,
     }
-    written = {name: value for name, value in file.fields.items() if name not in KEPT_APART}
-    return described | build | written | fields
 
 
-def _are_usual(names: list[tuple[str, ...]]) -> bool:
-    """Return whether joints have the names of a robot that is read from no file."""
-    return all(
-        name == f"limb{i}/joint{k}"
-        for i, limb in enumerate(names)
-        for k, name in enumerate(limb, 1)
-    )
-
-
-def _source(file: Description, limbs: tuple[FileLimb, ...]) -> str:
+def _source(file: Description, limbs: list[FileLimb]) -> str:
     """Return where the figures come from, in words."""
-    told = [f"the file of {file.name}"]
+    told = [f"the file of {file.name}", *file.notes]
     notes = [note for limb in limbs for note in limb.notes]
     told += [note for k, note in enumerate(notes) if note not in notes[:k]]
-    fitted = max((max(limb.excess.values(), default=0.0) for limb in limbs), default=0.0)
+    fitted = max(max(limb.excess.values(), default=0.0) for limb in limbs)
     if fitted:
         told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
     text = "; ".join(told)

@@ -9,9 +9,6 @@ import json
 from typing import Any
 
 from mlivr_gym.json_schema import DRAFT, json_schema_of
-from mlivr_gym.robot.any_limb import LimbValidator
-from mlivr_gym.robot.chain_limb import CHAIN_LIMB
-from mlivr_gym.robot.limb import LIMB
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.validators import PairOf, SizeOrEdges
@@ -34,11 +31,6 @@ def robot_schema() -> dict[str, Any]:
 @json_schema_of.register
 def _of_named(kind: Named) -> dict[str, Any]:
     return {"anyOf": [json_schema_of(kind.kind), {"enum": list(ARMS)}]}
-
-
-@json_schema_of.register
-def _of_limb(kind: LimbValidator) -> dict[str, Any]:
-    return {"anyOf": [json_schema_of(LIMB), json_schema_of(CHAIN_LIMB)]}
 
 
 @json_schema_of.register

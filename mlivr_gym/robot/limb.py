@@ -1,24 +1,19 @@
-"""The kinematics of a limb: links, joint limits, and the windows of its joints.
-
-`LimbBase` is what all limbs have; `Limb` is told by the lengths of an arm of UR, and
-`chain_limb.ChainLimb` by the frames of its links.
-"""
+"""The kinematics of a limb: the frames of its links, joint limits, and windows of its joints."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Annotated, Any
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.forms import frames_at
-from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.rigid import LinkQuaternion, axes_of
-from mlivr_gym.schema import FieldPath, Struct, Tuples
+from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
+from mlivr_gym.robot.link_frames import axes_of, quaternion_of, rigid, turn_about_z
+from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple, as_triple
 
 FARTHEST_TURN = 100.0
@@ -41,7 +36,6 @@ be half a turn further, the flip: one of the two passes the ends of its window o
 turns by half a turn and more.
 """
 
-
 FOLDS = (
     (-0.6, np.pi, 2.4, 0.0, -0.75),
     (0.3, np.pi, 0.0, -1.6, 0.75),
@@ -53,82 +47,213 @@ Chosen from postures that keep clear of the body: each in turn adds most steps o
 a limb can fold, stay folded and unfold.
 """
 
-LinkOffset = tuple[tuple[float, float, float], LinkQuaternion]
-"""Origin [m] and quaternion w, x, y, z of a link's frame in that of the link before it."""
-
-Length = Annotated[float, Tuples((), most=MAX_ROBOT_LENGTH, unit="m")]
-"""A length of a robot that may be negative, as in the DH convention [m]."""
-
 Angle = Annotated[float, Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
 """An angle of a joint [rad]."""
 
-SixAngles = Annotated[tuple[float, ...], Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
+SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
 """Angles of six joints [rad]."""
 
-SixLimits = Annotated[
-    tuple[tuple[float, float], ...], Tuples((6, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad")
-]
-"""Lower and upper limits of six joints [rad]."""
+UNIT_LENGTH = 1e-6
+"""How far a quaternion's length may be from 1."""
 
-HALF = float(np.sqrt(0.5))
-STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HALF, 0.0, 0.0)
-"""Quaternions of no turn, and of a quarter turn about x in either sense."""
+SAME_LINE = 1e-6
+"""How far the first axis may be from the z axis of the base [m], and the sine of the angle between.
+"""
 
+LEAST_SINE = 1e-3
+"""Least sine of the angle between axes 5 and 6."""
 
-def share_of(share: float, place: Triple) -> Triple:
-    """Return a part of the way from the origin to a place."""
-    x, y, z = place
-    return share * x, share * y, share * z
+LEAST_DETERMINANT = 1e-4
+"""Least `|det J|` that an arm must have somewhere, as a share of its length cubed."""
 
-
-THICKNESS, GAP = 0.06, 0.03
-"""Radius of the default collision shapes as a share of the length of the arm, and how far those of
-a link and the next but one are apart where the link between is straight [m]."""
+MOST_FOLDS, TRIED = 3, 4096
+"""Number of folds, and of postures among which they are chosen."""
 
 
-class LimbBase(ABC):
-    """Joint limits and windows of a limb, of which six joints move.
+def ur_dh(
+    d1: float = 0.1625,
+    a2: float = -0.425,
+    a3: float = -0.3922,
+    d4: float = 0.1333,
+    d5: float = 0.0997,
+    d6: float = 0.0996,
+) -> tuple[Triple, ...]:
+    """Return the DH table of an arm of UR, see `frames_of_dh`; by default the maker's UR5e [m]."""
+    right = 0.5 * np.pi
+    return (
+        (d1, 0.0, right), (0.0, a2, 0.0), (0.0, a3, 0.0), (d4, 0.0, right), (d5, 0.0, -right),
+        (d6, 0.0, 0.0),
+    )  # fmt: skip
 
-    A seven-joint arm has one joint that is held at an angle: fields `held_joint`, its number from
-    1, and `held_angle` [rad]. It moves neither while the limb holds nor while it swings.
+
+def frames_of_dh(rows: Sequence[Triple]) -> tuple[tuple[Triple, ...], tuple[Any, ...]]:
+    """Return origins and quaternions of the links of a DH table, as `Limb` has them.
+
+    Rows are d, a [m] and alpha [rad] of the standard convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`;
+    the last one may not lead off the last axis. The frame of a link has its origin where the row
+    of its joint leaves the axis.
+    """
+    step, steps = np.eye(4), []
+    for d, a, alpha in rows:
+        steps.append(step @ rigid(np.eye(3), (0.0, 0.0, d)))
+        turned = np.array([[1, 0, 0], [0, np.cos(alpha), -np.sin(alpha)],
+                           [0, np.sin(alpha), np.cos(alpha)]])  # fmt: skip
+        step = rigid(np.round(turned, 15), (a, 0.0, 0.0))
+    if abs(rows[-1][1]) > MIN_SIZE:
+        raise RobotError(f"a of the last row is {rows[-1][1]:g} m; the flange lies on its axis")
+    steps[-1] = steps[-1] @ step
+    places = tuple(as_triple(step[:3, 3] + 0.0) for step in steps)
+    return places, tuple(map(tuple, quaternion_of(np.array(steps)[:, :3, :3]).tolist()))
+
+
+ORIGINS, QUATERNIONS = frames_of_dh(ur_dh())
+"""Frames of the links of the UR5e."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """An arm of six joints that move, or of seven of which one is held, by the frames of its links.
+
+    Each joint turns about the z axis of its link's frame, or against it. Names, signs and zeros of
+    the joints are those of the file it comes from. A joint that is held moves neither while the
+    limb holds nor while it swings; manipulability is that of the six others, a lower bound of that
+    of all seven: `det(J J^T)` is the sum of the squares of the determinants of all choices of six
+    columns (Cauchy-Binet). By default it is a UR5e by its maker's DH table.
+
+    Examples
+    --------
+    >>> Limb().origins[0], round(Limb().arm_length, 4)
+    ((0.0, 0.0, 0.1625), 0.8172)
     """
 
-    joint_limits: tuple[tuple[float, float], ...]
-    window_starts: tuple[float, ...]
-    held_joint: int | None = None
-    held_angle: float = 0.0
+    origins: Annotated[
+        tuple[Triple, ...], Tuples((None, 3), most=MAX_ROBOT_LENGTH, unit="m", rows=(6, 7))
+    ] = ORIGINS
+    """Origin of each link's frame in that of the link before it, at joint angles of 0 [m]; the last
+    one is the flange's."""
+    quaternions: Annotated[
+        tuple[tuple[float, float, float, float], ...],
+        Tuples((None, 4), most=1.0 + UNIT_LENGTH, rows=(6, 7)),
+    ] = QUATERNIONS
+    """Their orientations, quaternions w, x, y, z. The first axis is the z axis of the base, that of
+    the flange is the last joint's and leads to the grasp."""
+    joint_limits: Annotated[
+        tuple[tuple[float, float], ...],
+        Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
+    ] = JOINT_LIMITS
+    """Lower and upper limit of each joint [rad], the held one among them."""
+    axes: Annotated[tuple[float, ...] | None, OrNone(Tuples((None,), -1.0, 1.0, "", (6, 7)))] = None
+    """1 for each joint whose angle counts about the z axis of its link, -1 if against it; None for
+    1 each."""
+    window_starts: Annotated[tuple[float, ...] | None, OrNone(SIX_ANGLES)] = None
+    """Where the turn begins in which each joint that moves stays while the limb holds [rad], see
+    `windows`; None for where those of UR arms do, or at half a turn."""
+    held_joint: Annotated[int | None, OrNone(Integer(1, 7))] = None
+    """Number of the joint of a seven-joint arm that is held; None of six."""
+    held_angle: Angle = 0.0
+    """Angle at which it is held [rad]."""
+
+    def __post_init__(self) -> None:
+        """Check frames and limits."""
+        place = FieldPath("limb", RobotError)
+        LIMB.check(self, place)
+        count = 6 if self.held_joint is None else 7
+        for name in ("joint_limits", "origins", "quaternions", "axes"):
+            found = getattr(self, name)
+            if found is not None and len(found) != count:
+                raise place.field(name).fault(
+                    f"has {len(found)} entries; an arm with held_joint {self.held_joint} has "
+                    f"{count} joints"
+                )
+        if set(self.axes or ()) - {1.0, -1.0}:
+            raise place.field("axes").fault(f"is {list(self.axes or ())}; each must be 1 or -1")
+        for k, quaternion in enumerate(self.quaternions):
+            size = float(np.linalg.norm(quaternion))
+            if abs(size - 1.0) > UNIT_LENGTH:
+                entry = place.field("quaternions").entry(k)
+                raise entry.fault(f"is {list(quaternion)} of length {size:g}; it must be 1")
+        self._check_limits(place)
+        self._check_axes(place)
+
+    def _check_limits(self, place: FieldPath) -> None:
+        """Refuse limits in the wrong order, and a held angle outside them, by a `RobotError`."""
+        for joint, (low, high) in enumerate(self.joint_limits):
+            if not (low < high or (low == high and joint + 1 == self.held_joint)):
+                limits = place.field("joint_limits").entry(joint)
+                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
+        if self.held_joint is None:
+            return
+        low, high = self.joint_limits[self.held_joint - 1]
+        if not low <= self.held_angle <= high:
+            raise place.field("held_angle").fault(
+                f"is {self.held_angle:g} rad; joint {self.held_joint} turns from {low:g} to "
+                f"{high:g} rad"
+            )
+
+    def _check_axes(self, place: FieldPath) -> None:
+        """Refuse axes that no limb can have, by a `RobotError`."""
+        first, last = self.steps[0], self.steps[5]
+        if max(*np.abs(first[:2, 3]), *np.abs(first[:2, 2])) > SAME_LINE or first[2, 2] < 0.0:
+            raise (
+                place.field("origins")
+                .entry(0)
+                .fault(
+                    "and its quaternion put joint 1 beside the z axis of the base, or against it"
+                )
+            )
+        if float(np.hypot(*last[:2, 2])) < LEAST_SINE:
+            raise place.field("quaternions").fault(
+                "make the last two axes that move parallel; they must not be"
+            )
+        _, frames = _postures(self)
+        joints, away = frames[:, 1:, :3, 2], frames[:, 6:, :3, 3] - frames[:, 1:, :3, 3]
+        jacobians = np.concatenate([np.cross(joints, away), joints], axis=2)
+        largest = float(np.abs(np.linalg.det(jacobians)).max())
+        if largest < LEAST_DETERMINANT * self.arm_length**3:
+            held = "" if self.held_joint is None else f" with joint {self.held_joint} held there"
+            raise place.field("origins").fault(
+                f"and quaternions make an arm that is singular in every posture{held}"
+            )
+
+    @cached_property
+    def _whole(self) -> tuple[Array, Array]:
+        """Base of the joints that move in the mount (4, 4), and their steps (6, 4, 4)."""
+        steps, before = [], np.eye(4)
+        axes = self.axes or (1.0,) * len(self.origins)
+        for k, (origin, quaternion) in enumerate(
+            zip(self.origins, self.quaternions, strict=True), 1
+        ):
+            # What quarter turns leave of a sine is a rounding error.
+            before = before @ rigid(np.round(axes_of(quaternion), 15), origin)
+            if k == self.held_joint:
+                before = before @ turn_about_z(axes[k - 1] * self.held_angle)
+                continue
+            steps.append(before)
+            before = np.eye(4)
+        if self.held_joint == len(self.origins):
+            steps[-1] = steps[-1] @ before
+        base = np.eye(4)
+        if self.held_joint == 1:
+            base, steps[0] = steps[0], np.eye(4)
+        return base, np.array(steps)
 
     @property
-    @abstractmethod
-    def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad]."""
-
-    @property
-    @abstractmethod
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links, each in that of the link before it, at joint angles of 0.
+    def steps(self) -> Array:
+        """Frames of the six links, each in that of the link before, at angles of 0, (6, 4, 4).
 
         Joints turn about the z axes, in the sense of `senses`; the last frame is the flange's.
         """
+        return self._whole[1]
+
+    @property
+    def base_in_mount(self) -> Array:
+        """Base of the first joint that moves in the mount, (4, 4); another frame if 1 is held."""
+        return self._whole[0]
 
     @property
     def senses(self) -> Array:
         """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1."""
-        return np.ones(6)
-
-    @property
-    def steps(self) -> Array:
-        """Frames of the six links, each in that of the link before, at angles of 0, (6, 4, 4)."""
-        steps = np.tile(np.eye(4), (6, 1, 1))
-        for step, (origin, quaternion) in zip(steps, self.link_offsets, strict=True):
-            # What quarter turns leave of a sine is a rounding error.
-            step[:3, 3], step[:3, :3] = origin, np.round(axes_of(quaternion), 15)
-        return steps
-
-    @property
-    @abstractmethod
-    def arm_length(self) -> float:
-        """Length of upper arm and forearm together [m]."""
+        return self.moving_angles(np.array(self.axes or (1.0,) * len(self.origins)))
 
     @property
     def frames_at_zero(self) -> Array:
@@ -138,7 +263,7 @@ class LimbBase(ABC):
     @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
-        base = 0.0 if self.base_in_mount is None else float(np.linalg.norm(self.base_in_mount[1]))
+        base = float(np.linalg.norm(self.base_in_mount[:3, 3]))
         sizes = np.linalg.norm(self.steps[:, :3, 3], axis=1)
         return (base, *(base + np.cumsum(sizes)).tolist())
 
@@ -158,10 +283,87 @@ class LimbBase(ABC):
         apart = second[:3, 3] - first[:3, 3]
         return float(first[2, 3] + (apart @ across) / share)
 
+    @cached_property
+    def arm_length(self) -> float:
+        """Length of upper arm and forearm together [m].
+
+        Without a closed form, the largest distance of the origins of links 2 and 5 in many
+        postures.
+        """
+        found = closed_form(self.steps)
+        if found is not None:
+            figures = found[0].figures
+            pair = ("upper", "forearm") if "upper" in figures else ("a2", "a3")
+            return sum(abs(float(figures[name])) for name in pair)
+        _, frames = _postures(self)
+        farthest = np.linalg.norm(frames[:, 5, :3, 3] - frames[:, 2, :3, 3], axis=1).max()
+        return max(round(float(farthest), 3), 1e-3)
+
     @property
     def limits(self) -> Array:
         """Limits of the joints that move [rad], shape (6, 2)."""
         return self.moving_angles(np.array(self.joint_limits).T).T
+
+    @cached_property
+    def windows(self) -> Array:
+        """Least and largest angle of each joint of a limb that holds [rad], shape (6, 2).
+
+        A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
+        and no more than they allow. Within it a posture has one winding: a limb never needs to turn
+        back, so every walk of steps that are valid one by one can be carried out. A step on which a
+        joint of a limb that holds would leave its window is no edge for the branch concerned.
+        """
+        turn, (low, high) = 2.0 * np.pi, self.limits.T
+        if self.window_starts is not None:
+            start = np.array(self.window_starts)
+        else:
+            # Of those a turn apart the one closest to the middle of the limits.
+            ends = [self._as_ur(WINDOW_STARTS), self._as_ur(np.add(WINDOW_STARTS, turn))]
+            start = np.full(6, -np.pi) if ends[0] is None else np.minimum(*ends)
+            start = start + turn * np.rint((0.5 * (low + high) - start - np.pi) / turn)
+        start = np.clip(start, low, np.maximum(low, high - turn))
+        return np.stack([start, np.minimum(start + turn, high)], axis=1)
+
+    @cached_property
+    def default_folds(self) -> tuple[tuple[float, ...], ...]:
+        """Angles of joints 1 to 5 at which a free limb may stay folded [rad].
+
+        Those of the arms of UR, or of many postures that stay on the outer side of the mount, those
+        that reach least far.
+        """
+        folds = self._as_ur(FOLDS)
+        if folds is None:
+            angles, frames = _postures(self)
+            origins = frames[:, 1:, :3, 3]
+            outer = origins[..., 2].min(axis=1) >= 0.0
+            size = np.where(outer, np.linalg.norm(origins, axis=2).max(axis=1), np.inf)
+            folds = np.round(angles[np.argsort(size, kind="stable")[:MOST_FOLDS], :5], 3)
+        return tuple(map(tuple, folds.tolist()))
+
+    def _as_ur(self, angles: Any) -> Array | None:
+        """Return angles of the arm by those of the first joints of an arm of UR, shape (..., n).
+
+        None if it has not three parallel axes as those have.
+        """
+        found = closed_form(self.steps)
+        if found is None or found[0].kind != THREE_PARALLEL:
+            return None
+        form = found[0]
+        # The links of an arm of UR point against the x axes of their frames.
+        upper, fore = (np.pi * (form.figures[name] > 0.0) for name in ("a2", "a3"))
+        zero = np.add(form.zero, (0.0, upper, fore - upper, -fore, 0.0, 0.0))
+        zero -= 2.0 * np.pi * np.rint(zero / (2.0 * np.pi))
+        count = np.shape(angles)[-1]
+        turned: Array = (np.array(form.sign) * self.senses)[:count] * (angles - zero[:count])
+        return turned
+
+    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
+        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
+        low, high = self.windows[:5].T
+        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
+        angles = low + np.mod(angles - low, 2.0 * np.pi)
+        inside: Array = angles[(angles <= high).all(axis=1)]
+        return inside
 
     @property
     def failed_joint(self) -> int | None:
@@ -174,53 +376,13 @@ class LimbBase(ABC):
         low, high = self.joint_limits[self.held_joint - 1]
         return self.held_joint if low == high else None
 
-    @property
-    def base_in_mount(self) -> tuple[Array, Array] | None:
-        """Axes (3, 3) and origin [m] of the limb's base in its mount; None where they are one."""
-        return None
-
-    @property
-    def past_wrist(self) -> float:
-        """From the point of the last axis closest to the one before, along it to the flange [m]."""
-        z, origin = self.steps[5, :3, 2], self.steps[5, :3, 3]
-        across = np.array([z[0], z[1], 0.0])
-        return float(origin @ across / (across @ across))
-
-    @property
-    def link_capsules(self) -> tuple[Capsule, ...]:
-        """Simple collision shapes along the links, without a gripper.
-
-        Each begins where it is clear of the end of the link before the last one, and the last one
-        before the wrist ends where it is clear of the flange; a link that is too short for that has
-        none.
-        """
-        radius, here, d6 = THICKNESS * self.arm_length, (0.0, 0.0, 0.0), self.past_wrist
-        places = [as_triple(step[:3, 3]) for step in self.steps]
-        sizes = [max(float(np.linalg.norm(place)), MIN_SIZE) for place in places]
-        x, y, z = places[0]
-        out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
-        apart, before = 2.0 * radius + GAP, np.inf
-        fore = max((k for k in range(1, 5) if sizes[k] > radius), default=4)
-        for k in range(1, 5):
-            start = 0.0 if before > apart else apart
-            stop = sizes[k] - apart if k == fore else sizes[k]
-            if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":
-                first, last = (share_of(min(at / sizes[k], 1.0), places[k]) for at in (start, stop))
-                out.append(Capsule(LINKS[k], first, last, radius))
-            before = sizes[k]
-        slim = max(min(0.6 * radius, 0.5 * abs(d6)), MIN_SIZE)
-        end = -float(np.copysign(slim, d6))
-        return (*out, Capsule("wrist_3", (0.0, 0.0, -0.5 * d6), (0.0, 0.0, end), slim))
-
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
 
         The angles have shape (..., 7), or (..., 6) of an arm of six joints.
         """
         rows = np.asarray(angles, dtype=np.float64)
-        if self.held_joint is not None:
-            rows = np.delete(rows, self.held_joint - 1, axis=-1)
-        return rows
+        return rows if self.held_joint is None else np.delete(rows, self.held_joint - 1, axis=-1)
 
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
@@ -229,112 +391,13 @@ class LimbBase(ABC):
             return rows
         return np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
 
-    def check_joints(self, place: FieldPath) -> None:
-        """Refuse limits in the wrong order or number, and a held angle outside them.
 
-        Raises a `RobotError` that names the field and what would be valid.
-        """
-        joints = 6 if self.held_joint is None else 7
-        if len(self.joint_limits) != joints:
-            raise place.field("joint_limits").fault(
-                f"has {len(self.joint_limits)} entries; an arm with held_joint "
-                f"{self.held_joint} has {joints} joints"
-            )
-        for joint, (low, high) in enumerate(self.joint_limits):
-            if not (low < high or (low == high and joint + 1 == self.held_joint)):
-                limits = place.field("joint_limits").entry(joint)
-                raise limits.fault(f"is {[low, high]}; the lower limit must come first")
-        if self.held_joint is None:
-            return
-        low, high = self.joint_limits[self.held_joint - 1]
-        if not low <= self.held_angle <= high:
-            raise place.field("held_angle").fault(
-                f"is {self.held_angle:g} rad; joint {self.held_joint} turns from {low:g} to "
-                f"{high:g} rad"
-            )
-
-    @property
-    def windows(self) -> Array:
-        """Least and largest angle of each joint of a limb that holds [rad], shape (6, 2).
-
-        A window is one turn from `window_starts` on, moved into the joint limits as far as needed,
-        and no more than they allow. Within it a posture has one winding: a limb never needs to turn
-        back, so every walk of steps that are valid one by one can be carried out. A step on which a
-        joint of a limb that holds would leave its window is no edge for the branch concerned.
-        """
-        low, high = self.limits.T
-        start = np.clip(self.window_starts, low, np.maximum(low, high - 2.0 * np.pi))
-        return np.stack([start, np.minimum(start + 2.0 * np.pi, high)], axis=1)
-
-    def with_flange_moved(self, shift: float) -> Any:
-        """Return the limb with its flange farther out on the last axis [m]."""
-        limb: Any = self
-        return replace(limb, d6=limb.d6 + shift)
-
-    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
-        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
-        low, high = self.windows[:5].T
-        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
-        angles = low + np.mod(angles - low, 2.0 * np.pi)
-        inside: Array = angles[(angles <= high).all(axis=1)]
-        return inside
-
-
-@dataclass(frozen=True)
-class Limb(LimbBase):
-    """A six-joint arm of the UR family, standard DH convention `Rz(theta) Tz(d) Tx(a) Rx(alpha)`.
-
-    The default lengths [m] are the UR5e's, published by the manufacturer.
-
-    Examples
-    --------
-    >>> Limb().lengths.tolist()
-    [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
-    """
-
-    d1: Length = 0.1625
-    a2: Length = -0.425
-    a3: Length = -0.3922
-    d4: Length = 0.1333
-    d5: Length = 0.0997
-    d6: Length = 0.0996
-    joint_limits: SixLimits = JOINT_LIMITS
-    """Lower and upper limit of each joint [rad]."""
-    window_starts: SixAngles = WINDOW_STARTS
-    """Where the turn begins in which each joint stays while the limb holds [rad], see `windows`."""
-    default_folds = FOLDS
-
-    def __post_init__(self) -> None:
-        """Check lengths and limits."""
-        place = FieldPath("limb", RobotError)
-        LIMB.check(self, place)
-        self.check_lengths(place)
-        self.check_joints(place)
-
-    def check_lengths(self, place: FieldPath) -> None:
-        """Refuse lengths of 0 without which the form is another one, by a `RobotError`."""
-        for name in ("a2", "a3", "d4"):
-            if abs(getattr(self, name)) < MIN_SIZE:
-                raise place.field(name).fault(f"is {getattr(self, name):g}; it must not be 0")
-
-    @property
-    def lengths(self) -> Array:
-        """The six lengths d1, a2, a3, d4, d5, d6 [m], shape (6,)."""
-        return np.array([self.d1, self.a2, self.a3, self.d4, self.d5, self.d6], dtype=np.float64)
-
-    @property
-    def arm_length(self) -> float:
-        """Length of upper arm and forearm together [m]."""
-        return abs(self.a2) + abs(self.a3)
-
-    @property
-    def link_offsets(self) -> tuple[LinkOffset, ...]:
-        """Frames of the six links."""
-        return (
-            ((0.0, 0.0, self.d1), STRAIGHT), ((0.0, 0.0, 0.0), FORTH),
-            ((self.a2, 0.0, 0.0), STRAIGHT), ((self.a3, 0.0, self.d4), STRAIGHT),
-            ((0.0, -self.d5, 0.0), FORTH), ((0.0, self.d6, 0.0), BACK),
-        )  # fmt: skip
+@lru_cache(maxsize=8)
+def _postures(limb: Limb) -> tuple[Array, Array]:
+    """Return joint angles (k, 6) [rad] all over the limits, and link frames (k, 7, 4, 4)."""
+    low, high = limb.windows.T
+    angles = np.random.default_rng(0).uniform(low, high, (TRIED, 6))
+    return angles, frames_at(limb.steps, limb.senses, angles)
 
 
 LIMB = Struct.of(Limb)

@@ -16,16 +16,19 @@ import numpy as np
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
-from mlivr_gym.robot.limb import Limb, LimbBase
+from mlivr_gym.robot.limb import LIMB, Limb, frames_of_dh, ur_dh
 from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
 ARMS = ("ur3e", "ur5e", "ur10e")
 """Arms whose figures ship."""
 
 SAME_LENGTH = 1e-3
 """Limbs whose links differ by less are one kind of arm [m]: calibrated figures vary a little."""
+
+OLD_FIELDS = frozenset({"family", "d1", "a2", "a3", "d4", "d5", "d6"})
+"""Fields of limbs in files of earlier versions."""
 
 MASSES = (1e-3, 1e6)
 """Least and largest mass of a part [kg]: a gram, and twice the ISS."""
@@ -55,17 +58,12 @@ class LimbDynamics:
     """Largest speed of each joint [rad/s]."""
     rotor_inertias: Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e3, "kg m^2")]
     """Inertia of each joint's rotor, reflected through its gear [kg m^2]."""
-    base_size: Annotated[
-        tuple[float, float] | None, OrNone(Tuples((2,), MIN_SIZE, MAX_ROBOT_LENGTH, "m"))
-    ] = None
-    """Radius and length of the base link, a cylinder that stands on the body [m]; None if it has no
-    mass, or centre and inertia of its own."""
     base_centre: Annotated[Triple | None, OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"))] = (
         None
     )
-    """Its centre of mass in the limb's base frame [m]; None for that of the cylinder."""
+    """Centre of mass of that link in the limb's base frame [m]; None if it has no mass."""
     base_inertia: GivenInertia = None
-    """Its inertia, in the order of `inertias` [kg m^2]; None for that of the cylinder."""
+    """Its inertia, in the order of `inertias` [kg m^2]; None if it has no mass."""
 
     def __post_init__(self) -> None:
         """Check every figure."""
@@ -73,39 +71,18 @@ class LimbDynamics:
         LIMB_DYNAMICS.check(self, place)
         for link, inertia in enumerate(self.inertias):
             check_inertia(inertia, place.field("inertias").entry(link))
+        for name in ("base_centre", "base_inertia"):
+            if (getattr(self, name) is None) != (not self.base_mass):
+                raise place.field(name).fault(
+                    f"is {getattr(self, name)}; a base_mass of {self.base_mass:g} kg needs "
+                    f"{'it' if self.base_mass else 'None'}"
+                )
         if self.base_inertia is not None:
             check_inertia(self.base_inertia, place.field("base_inertia"))
-        self._set_base(place)
-
-    def _set_base(self, place: FieldPath) -> None:
-        """Describe the base in one way alone: not at all, as a cylinder, or by its figures."""
-        size, centre, inertia = self.base_size, self.base_centre, self.base_inertia
-        if not self.base_mass:
-            size = centre = inertia = None
-        elif centre is None or inertia is None:
-            if size is None:
-                raise place.field("base_size").fault(
-                    "is None; a base with mass needs it [m], or base_centre [m] and base_inertia "
-                    "[kg m^2]"
-                )
-            if centre is not None or inertia is not None:
-                solid = self._base_cylinder(size)
-                size, centre, inertia = None, centre or solid.centre, inertia or solid.inertia
-        else:
-            size = None
-        base = size, centre, inertia
-        for name, value in zip(("base_size", "base_centre", "base_inertia"), base, strict=True):
-            object.__setattr__(self, name, value)
-
-    def _base_cylinder(self, size: tuple[float, float]) -> RigidBody:
-        radius, length = size
-        return cylinder(self.base_mass, radius, length, 0.5 * length)
 
     @property
     def base_link(self) -> RigidBody:
         """The link by which the limb is fixed to the body, in the limb's base frame."""
-        if self.base_size is not None:
-            return self._base_cylinder(self.base_size)
         return RigidBody(
             self.base_mass, self.base_centre or (0.0, 0.0, 0.0), self.base_inertia or (0.0,) * 6
         )
@@ -137,16 +114,18 @@ def arm_dynamics(name: str) -> LimbDynamics:
     """Return the masses, inertias and limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
     rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-    links, limits = data["links"], data["joint_limits"]
+    links, limits, base = data["links"], data["joint_limits"], data["base_link"]
+    stands = cylinder(base["mass"], base["radius"], base["length"], 0.5 * base["length"])
     return LimbDynamics(
-        data["base_link"]["mass"],
+        base["mass"],
         tuple(link["mass"] for link in links),
         tuple(tuple(link["com_urdf"]) for link in links),
         tuple(tuple(np.array(link["inertia_urdf"])[rows, columns].tolist()) for link in links),
         tuple(limits["torque"]),
         tuple(limits["velocity"]),
         (data["rotor_inertia"]["value"],) * 6,
-        (data["base_link"]["radius"], data["base_link"]["length"]),
+        stands.centre,
+        stands.inertia,
     )
 
 
@@ -156,15 +135,16 @@ def gripper_link(mass: float, tool_length: float) -> RigidBody:
     return cylinder(mass, radius, max(tool_length, 0.01), 0.5 * tool_length)
 
 
+@cache
 def arm_limb(name: str) -> Limb:
     """Return the lengths and joint limits of an arm that ships; `name` is one of `ARMS`."""
     data = arm_data(name)
-    d1, a2, a3, d4, d5, d6 = (data["dh"][key] for key in ("d1", "a2", "a3", "d4", "d5", "d6"))
+    rows = ur_dh(*(data["dh"][name] for name in ("d1", "a2", "a3", "d4", "d5", "d6")))
     limits = tuple((low, high) for low, high in data["joint_limits"]["position"])
-    return Limb(d1, a2, a3, d4, d5, d6, joint_limits=limits)
+    return Limb(*frames_of_dh(rows), limits)
 
 
-def arm_of(limb: LimbBase) -> str | None:
+def arm_of(limb: Limb) -> str | None:
     """Return the name of the arm that ships with the lengths of a limb, or None."""
     for name in ARMS:
         if np.abs(limb.steps - arm_limb(name).steps).max() < SAME_LENGTH:
@@ -172,7 +152,7 @@ def arm_of(limb: LimbBase) -> str | None:
     return None
 
 
-def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
+def dynamics_by_lengths(limb: Limb, robot: str, source: str) -> LimbDynamics:
     """Return the dynamics of the arm that ships with the lengths of a limb.
 
     Raises a `RobotError` if no arm that ships has them: another arm's figures would be wrong
@@ -184,7 +164,7 @@ def dynamics_by_lengths(limb: LimbBase, robot: str) -> LimbDynamics:
             f"robot {robot!r} cannot be simulated: its limbs' links are "
             f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
             "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
-            "to take that arm's figures"
+            f"to take that arm's figures (source of the robot: {source or 'not told'})"
         )
     return arm_dynamics(name)
 
@@ -202,8 +182,17 @@ class Named:
         """Return the record."""
         if isinstance(value, str):
             return self.make(Choice(ARMS).read(value, place))
+        if isinstance(value, dict) and OLD_FIELDS & value.keys():
+            raise place.fault(
+                "is told by a family or lengths, as limbs no longer are; give origins and "
+                "quaternions of the links, which frames_of_dh of mlivr_gym.robot.limb makes of a "
+                "DH table, or read the arm from its URDF or MJCF"
+            )
         return self.kind.read(value, place)
 
 
 LIMB_DYNAMICS = Struct.of(LimbDynamics)
 """Fields of a `LimbDynamics`."""
+
+GIVEN_LIMB = Named(LIMB, arm_limb)
+"""Validator of a limb, its name or plain data."""

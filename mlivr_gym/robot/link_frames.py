@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,10 +12,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.forms import frames_at
 
 if TYPE_CHECKING:
-    from mlivr_gym.robot.limb import LimbBase
+    from mlivr_gym.robot.limb import Limb
 
 
-def link_frames(limb: LimbBase, angles: Array) -> Array:
+def link_frames(limb: Limb, angles: Array) -> Array:
     """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
 
     Joint angles have shape (..., 6) [rad].
@@ -38,3 +39,23 @@ def turn_about_z(angle: float) -> Array:
     """Return the rigid transform of a turn about the z axis [rad], shape (4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
     return rigid([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]], (0.0, 0.0, 0.0))
+
+
+def axes_of(quaternion: Sequence[float]) -> Array:
+    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
+def quaternion_of(rotation: Array) -> Array:
+    """Return the quaternions w, x, y, z of rotation matrices, shapes (..., 3, 3) -> (..., 4)."""
+    from scipy.spatial.transform import Rotation
+
+    turns = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+    return np.asarray(turns + 0.0, dtype=np.float64)

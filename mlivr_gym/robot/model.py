@@ -15,7 +15,9 @@ from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb_dynamics import LimbDynamics, arm_dynamics, arm_of, gripper_link
-from mlivr_gym.robot.rigid import RigidBody, axes_of
+from mlivr_gym.robot.link_frames import quaternion_of as quaternion_of
+from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import RigidBody
 from mlivr_gym.values import Triple, as_triple
 
 ROBOT, SURROUNDINGS = 1, 2
@@ -63,12 +65,8 @@ class RobotLink(NamedTuple):
     """Its name."""
     parent: str
     """Name of the link that carries it, empty for the body."""
-    origin: Array
-    """Its origin in the frame of that link [m], shape (3,)."""
-    rotation: Array
-    """Its axes in that frame, shape (3, 3)."""
-    quaternion: Array | Sequence[float]
-    """The same as a quaternion w, x, y, z."""
+    frame: Array
+    """Its frame in that of that link, shape (4, 4)."""
     solid: RigidBody
     """Its mass, centre and inertia."""
     capsules: tuple[Capsule, ...]
@@ -113,11 +111,10 @@ def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterato
     """
     shapes = robot.mounted[i].capsules or ()
     parts = {name: tuple(c for c in shapes if c.link == name) for name in LINKS}
-    none, parent, limb = np.zeros(3), f"limb{i}", robot.every_limb[i]
+    parent, limb = f"limb{i}", robot.every_limb[i]
     place, turn = robot.mount_positions[i], robot.mount_rotations[i]
-    base = parent, "base", place, turn, quaternion_of(turn), dynamics.base_link, parts["base"]
-    yield RobotLink(*base, None)
-    for k, (origin, quaternion) in enumerate(limb.link_offsets):
+    yield RobotLink(parent, "base", rigid(turn, place), dynamics.base_link, parts["base"], None)
+    for k, step in enumerate(limb.steps):
         centre = as_triple(np.array(dynamics.centres[k]))
         joint = RobotJoint(
             robot.named_joints[i][k], tuple(limb.limits[k].tolist()), dynamics.torque_limits[k],
@@ -125,21 +122,12 @@ def limb_links(robot: DerivedFigures, i: int, dynamics: LimbDynamics) -> Iterato
         )  # fmt: skip
         name = f"limb{i}/{LINKS[k + 1]}"
         yield RobotLink(
-            name, parent, np.array(origin), np.round(axes_of(quaternion), 15), quaternion,
+            name, parent, step,
             RigidBody(dynamics.masses[k], centre, dynamics.inertias[k]), parts[LINKS[k + 1]], joint,
         )  # fmt: skip
         parent = name
     gripper = gripper_link(robot.gripper_mass, robot.tool_length)
-    straight = none, np.eye(3), (1.0, 0.0, 0.0, 0.0)
-    yield RobotLink(f"limb{i}/gripper", parent, *straight, gripper, parts["gripper"], None)
-
-
-def quaternion_of(rotation: Array) -> Array:
-    """Return the quaternion w, x, y, z of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    quaternion: Array = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
-    return quaternion
+    yield RobotLink(f"limb{i}/gripper", parent, np.eye(4), gripper, parts["gripper"], None)
 
 
 def known_dynamics(robot: DerivedFigures, limb: int) -> LimbDynamics:
@@ -190,7 +178,8 @@ def _add_link(made: dict[str, Any], link: RobotLink, tool_length: float, limb_co
     import mujoco
 
     parent, part = made[link.parent], link.name.partition("/")[2] or "base"
-    body = parent.add_body(name=link.name, pos=link.origin, quat=link.quaternion)
+    turn = quaternion_of(link.frame[:3, :3])
+    body = parent.add_body(name=link.name, pos=link.frame[:3, 3], quat=turn)
     made[link.name] = body
     body.explicitinertial = True
     body.mass, body.ipos = link.solid.mass, link.solid.centre

@@ -13,14 +13,14 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
 from mlivr_gym.robot.capsules import CAPSULE, Capsule, check_moving
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import (
+    GIVEN_LIMB,
     LIMB_DYNAMICS,
     LimbDynamics,
     Named,
     arm_dynamics,
-    arm_limb,
 )
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import FieldPath, ListOf, OrNone, Rotation, Struct, Tuples
@@ -42,7 +42,7 @@ class Mount:
     rotation: Annotated[tuple[Triple, Triple, Triple], Rotation()]
     """Rows of the rotation from the limb's base axes to the body's; its third column is the axis of
     the first joint."""
-    limb: Annotated[AnyLimb | None, OrNone(Named(ANY_LIMB, arm_limb))] = None
+    limb: Annotated[Limb | None, OrNone(GIVEN_LIMB)] = None
     """Kinematics of this limb; None for `RobotSpec.limb`."""
     capsules: GivenCapsules = None
     """Collision shapes of this limb; None for those of the robot's other limbs, or, if `limb` is

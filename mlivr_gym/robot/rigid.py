@@ -13,9 +13,6 @@ from mlivr_gym.values import Triple
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of an inertia in the order xx, yy, zz, xy, xz, yz."""
 
-LinkQuaternion = tuple[float, float, float, float]
-"""A unit quaternion w, x, y, z."""
-
 
 class RigidBody(NamedTuple):
     """A mass with its centre and inertia."""
@@ -72,16 +69,4 @@ def cylinder(mass: float, radius: float, length: float, height: float) -> RigidB
     across = mass * (3.0 * radius**2 + length**2) / 12.0
     return RigidBody(
         mass, (0.0, 0.0, height), (across, across, 0.5 * mass * radius**2, 0.0, 0.0, 0.0)
-    )
-
-
-def axes_of(quaternion: LinkQuaternion) -> Array:
-    """Return the rotation matrix of a unit quaternion w, x, y, z, shape (3, 3)."""
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
     )

@@ -20,21 +20,20 @@ from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.robot.any_limb import ANY_LIMB, AnyLimb
-from mlivr_gym.robot.build_checks import check_build, check_cargo
 from mlivr_gym.robot.capsules import check_moving
 from mlivr_gym.robot.cargo import CARGO, Cargo
+from mlivr_gym.robot.cargo_checks import check_cargo
 from mlivr_gym.robot.colours import LIMB_COLOURS as LIMB_COLOURS
 from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
 from mlivr_gym.robot.limb_dynamics import (
+    GIVEN_LIMB,
     LIMB_DYNAMICS,
     MASSES,
     GivenInertia,
     LimbDynamics,
     Named,
     arm_dynamics,
-    arm_limb,
     check_inertia,
 )
 from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
@@ -79,7 +78,7 @@ class RobotSpec(DerivedFigures):
     """Short name."""
     limbs: Annotated[int, Integer(2, MOST_LIMBS)] = 2
     """Number of limbs N, at least 2; with `mounts` it is their number."""
-    limb: Annotated[AnyLimb, Named(ANY_LIMB, arm_limb)] = field(default_factory=Limb)
+    limb: Annotated[Limb, GIVEN_LIMB] = field(default_factory=Limb)
     """Kinematics of one limb."""
     mount_radius: Annotated[float, SIZE] = 0.1
     """Distance of a limb's base from the body's z axis [m]."""
@@ -230,9 +229,7 @@ class RobotSpec(DerivedFigures):
 
         file = read_robot(path, **options)
         place = FieldPath(f"robot {path_shown(path)}", RobotError)
-        robot = place.build(cls.from_dict, file.fields)
-        place.build(check_build, robot)
-        return robot
+        return place.build(cls.from_dict, file.fields)
 
     from_mjcf = from_urdf
     """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""

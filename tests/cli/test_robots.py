@@ -7,7 +7,7 @@ import numpy as np
 from robot_texts import FRANKA, IIWA14, UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.cli.arguments import environment_arguments, world_options
+from mlivr_gym.cli.arguments import environment_arguments, output_options, world_options
 from mlivr_gym.cli.robots import chosen_robot
 
 
@@ -15,6 +15,7 @@ def parsed(*words):
     """The options of a command that takes a robot."""
     parser = argparse.ArgumentParser()
     world_options(parser)
+    output_options(parser)
     parser.set_defaults(default=parser.get_default)
     return parser.parse_args(words)
 
@@ -52,6 +53,15 @@ def test_packages_are_found_in_the_folders_that_are_named(tmp_path):
     path = written(tmp_path, text)
     robot = chosen("--robot", path, "--package-dir", str(elsewhere.parent))
     assert robot == RobotSpec.from_urdf(path, package_dirs=[elsewhere.parent])
+
+
+def test_links_that_touch_in_every_posture_are_not_compared_on_request(tmp_path):
+    """Shapes of forearm and wrist 2 are so large that they meet around the joints between."""
+    path = written(tmp_path, one_arm().replace('radius="0.03"', 'radius="0.12"'))
+    assert chosen("--robot", path).apart == ()
+    apart = chosen("--robot", path, "--allow-touching").apart
+    assert ("forearm", "wrist_2") in apart
+    assert ("base", "upper_arm") not in apart
 
 
 def test_joints_that_have_failed_are_those_of_with_failed_joint(run, ladder_file):

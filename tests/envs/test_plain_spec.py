@@ -14,6 +14,7 @@ from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.envs.rewards import BaseReward
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
 
@@ -27,7 +28,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
     robot = RobotSpec(
         name="own",
         heights=(0.62, 0.7),
-        limb=Limb(a2=-0.43),
+        limb=Limb(*frames_of_dh(ur_dh(a2=-0.43))),
         body_mass=np.float64(21.0),
         dynamics="ur5e",
     )

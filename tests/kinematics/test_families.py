@@ -29,7 +29,7 @@ def solutions(name, pose, *slack):
 
 def regular(name):
     """Volume of the Jacobian from which a posture is not close to a singular one [m^3]."""
-    return 1e-3 * (station_arm.LIMB.a2**3 if name == "station" else 1.0)
+    return 1e-3 * (7.11**3 if name == "station" else 1.0)
 
 
 @each_arm

@@ -83,5 +83,5 @@ def test_bad_limbs_are_refused(changes, told):
 
 
 def test_a_robot_file_of_before_is_refused_with_what_to_give_instead():
-    with pytest.raises(RobotError, match=r"limb\.family is 'ssrms'; .*origins and quaternions"):
+    with pytest.raises(RobotError, match=r"limb is told by a family .*origins and quaternions"):
         RobotSpec.from_dict({"limb": {"family": "ssrms"}})

@@ -139,7 +139,7 @@ def test_an_exported_robot_has_the_mass_of_its_cargo(tmp_path):
     free = pinocchio.JointModelFreeFlyer()
     urdf = pinocchio.buildModelFromXML(robot.to_urdf(), free)
     assert pinocchio.computeTotalMass(urdf) == pytest.approx(total)
-    assert type(robot).from_mjcf(file).body_mass == pytest.approx(50.0)
+    assert type(robot).from_mjcf(file) == robot
 
 
 def test_cargo_that_cannot_be_is_refused():

@@ -1,16 +1,16 @@
 import json
 
 import numpy as np
+import oracle
 import pytest
 
-from mlivr_gym import Capsule, Limb, RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym import Capsule, RobotSpec, Settings, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.robot.specification import ROBOTS
-from mlivr_gym.values import MIN_SIZE
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
@@ -32,9 +32,9 @@ def test_mounts_are_radial_at_equal_angles(limbs):
 
 def test_default_figures_are_the_published_ones():
     limb = robot_spec("mlivr2").limb
-    assert limb.lengths.tolist() == [0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996]
+    assert oracle.lengths_of(limb) == (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996)
     # Shoulder centres of the published two-limb model lie 0.263 m from the middle.
-    assert robot_spec("mlivr2").mount_radius + limb.d1 == pytest.approx(0.2625)
+    assert robot_spec("mlivr2").mount_radius + limb.origins[0][2] == pytest.approx(0.2625)
 
 
 def test_no_part_of_a_stretched_limb_lies_beyond_the_extent():
@@ -58,19 +58,14 @@ def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
     assert high + gripper.radius == pytest.approx(tool)
 
 
-def test_lengths_are_refused_below_the_smallest():
-    assert Limb(a2=-MIN_SIZE).a2 == -MIN_SIZE
-    with pytest.raises(RobotError, match="a2 is -5e-10; it must not be 0"):
-        Limb(a2=-0.5 * MIN_SIZE)
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
         ({"limbs": 1}, "limbs is 1"),
         ({"limb": {"joint_limits": [[1, 0]] * 6}}, "joint_limits"),
         ({"body_mass": 1e-300}, "^body_mass is 1e-300; it must be from 0.001 to .* kg"),
-        ({"limb": {"d1": 162.5, "a2": -425.0}}, "^limb.d1 is 162.5, larger .*; .*millimetres"),
+        ({"limb": {"d1": 0.2}}, "^limb is told by a family or lengths.*frames_of_dh"),
+        ({"limb": {"origins": [[0, 0, 162.5]] * 6}}, "^limb.origins.* larger .*; .*millimetres"),
         ({"capsules": []}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "hip"}]}, r"link is 'hip'; valid choices are 'base'"),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from robot_texts import one_arm, written
 
 from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym.kinematics.forms import closed_form
 from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
@@ -26,8 +27,7 @@ MANY = settings(max_examples=100, deadline=None)
 
 def flange(limb, q):
     """The flange in the limb's mount by the limb's own kinematics, shape (4, 4)."""
-    axes, origin = limb.base_in_mount
-    return station_arm.transform(axes, origin) @ link_frames(limb, q)[6]
+    return limb.base_in_mount @ link_frames(limb, q)[6]
 
 
 @given(TURN, ANGLES)
@@ -78,4 +78,6 @@ def test_from_a_urdf_with_joint_1_held_the_arm_has_the_same_lengths(tmp_path):
     """But for that along joint 2, from where the limb begins; the booms' sign is a choice."""
     path = written(tmp_path, one_arm(frames=published_frames()))
     robot = RobotSpec.from_urdf(path, limbs=2, body_size=1.0, mount_radius=2.5, held_joint="joint1")
-    np.testing.assert_allclose(np.abs(robot.limb.as_ur.limb.lengths)[1:], LENGTHS, atol=1e-6)
+    figures = closed_form(robot.limb.steps)[0].figures
+    found = [abs(figures[name]) for name in ("a2", "a3", "d4", "d5", "d6")]
+    np.testing.assert_allclose(found, LENGTHS, atol=1e-6)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import set_configuration
@@ -54,7 +55,7 @@ def test_mass_matrix_and_kinematics_are_pinocchios(jem, limbs):
             )
 
 
-UNKNOWN = Limb(d1=0.1807, a2=-0.6127, a3=-0.5, d4=0.17415, d5=0.11985, d6=0.11655)
+UNKNOWN = Limb(*frames_of_dh(ur_dh(0.1807, -0.6127, -0.5, 0.17415, 0.11985, 0.11655)))
 """Lengths of no arm that ships."""
 
 
@@ -106,7 +107,7 @@ def test_figures_of_a_robot_file_are_simulated(jem):
     [
         {"limbs": 4, "body_mass": 8.0, "body_size": 0.3, "tool_length": 0.08, "mount_radius": 0.15},
         {"limb": Limb(joint_limits=((-3.0, 3.0),) * 6)},
-        {"limb": Limb(a2=-0.42512, a3=-0.39198)},  # as calibrated
+        {"limb": Limb(*frames_of_dh(ur_dh(a2=-0.42512, a3=-0.39198)))},  # as calibrated
     ],
 )
 def test_robots_with_limbs_of_the_ur5e_are_simulated(jem, changes):

@@ -15,16 +15,21 @@ ARMS = {"ur5e": Limb(), "station": station_arm.LIMB, **wrist_arms.LIMBS}
 """The arm of a space station is of the form of the UR arms once its first joint is locked."""
 
 
+def is_wrist(limb):
+    """Whether Pinocchio's model of an arm is one of `wrist_arms`."""
+    return limb.origins in wrist_arms.KNOWN
+
+
 @cache
 def known(limb):
     """Pinocchio's model of an arm."""
-    made = oracle.pinocchio_arm if isinstance(limb, Limb) else wrist_arms.pinocchio_wrist_arm
+    made = wrist_arms.pinocchio_wrist_arm if is_wrist(limb) else oracle.pinocchio_arm
     return made(limb)
 
 
 def truth(limb, q):
     """Flange pose, its Jacobian to the joints that move, and to all joints, by Pinocchio."""
-    if not isinstance(limb, Limb):
+    if is_wrist(limb):
         return wrist_arms.flange_of(known(limb), limb, q)
     pose, jacobian = oracle.flange(known(limb), q)
     return pose, jacobian, jacobian

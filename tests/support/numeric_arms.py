@@ -2,9 +2,8 @@
 
 import numpy as np
 import pinocchio as pin
-from scipy.spatial.transform import Rotation
 
-from mlivr_gym.robot.chain_limb import ChainLimb
+from mlivr_gym.robot.limb import Limb, frames_of_dh
 from mlivr_gym.robot.link_frames import link_frames
 
 RIGHT = 0.5 * np.pi
@@ -36,23 +35,9 @@ UR5E = (
 TABLES = {"xarm6": XARM6, "crx10": CRX10, "jaco2": JACO2, "ur5e": UR5E}
 
 
-def after_joint(row):
-    """The frame behind a joint in the joint's own, (4, 4)."""
-    d, a, alpha = row
-    frame = np.eye(4)
-    frame[:3, :3] = Rotation.from_rotvec([alpha, 0.0, 0.0]).as_matrix()
-    frame[:3, 3] = a, 0.0, d
-    return frame
-
-
 def limb_of(table, limits=TURN):
     """The limb of a table."""
-    steps = [np.eye(4), *map(after_joint, table[:5])]
-    steps[5] = steps[5] @ after_joint(table[5])
-    origins = tuple(tuple((step[:3, 3] + 0.0).tolist()) for step in steps)
-    turns = (Rotation.from_matrix(step[:3, :3]) for step in steps)
-    quaternions = tuple(tuple(turn.as_quat(scalar_first=True).tolist()) for turn in turns)
-    return ChainLimb(origins, quaternions, limits)
+    return Limb(*frames_of_dh(table), limits)
 
 
 def frames_of(name):
@@ -64,13 +49,16 @@ def frames_of(name):
 def model_of(table):
     """A Pinocchio model of a table; its frame "flange" is that of the limb."""
     model, placement, parent = pin.Model(), pin.SE3.Identity(), 0
-    for k, row in enumerate(table):
+    for k, (d, a, alpha) in enumerate(table):
+        # A joint turns about its own axis wherever on that its frame lies.
+        placement = placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, d]))
+        behind = pin.SE3(pin.utils.rotate("x", alpha), np.array([a, 0.0, 0.0]))
         if k == 5:
             # Joint 6 turns about the z axis of the flange, which points the other way if the last
             # row turns the frame by half a turn.
-            placement = placement * pin.SE3(after_joint(row))
+            placement = placement * behind
         parent = model.addJoint(parent, pin.JointModelRZ(), placement, f"joint{k + 1}")
-        placement = pin.SE3(after_joint(row))
+        placement = behind
     model.addFrame(pin.Frame("flange", parent, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     return model
 

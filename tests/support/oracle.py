@@ -6,17 +6,17 @@ import pinocchio as pin
 ALPHAS = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
 
 
+def lengths_of(limb):
+    """Lengths of an arm of UR as its maker's DH table has them, by the places of its links."""
+    (_, _, d1), _, (a2, _, _), (a3, _, d4), (_, d5, _), (_, d6, _) = limb.origins
+    return d1, a2, a3, d4, -d5, d6
+
+
 def pinocchio_arm(limb):
     """Model of one arm; frame "flange" is DH frame 6."""
     model = pin.Model()
-    offsets = (
-        (limb.d1, 0.0),
-        (0.0, limb.a2),
-        (0.0, limb.a3),
-        (limb.d4, 0.0),
-        (limb.d5, 0.0),
-        (limb.d6, 0.0),
-    )
+    d1, a2, a3, d4, d5, d6 = lengths_of(limb)
+    offsets = (d1, 0.0), (0.0, a2), (0.0, a3), (d4, 0.0), (d5, 0.0), (d6, 0.0)
     placement, parent = pin.SE3.Identity(), 0
     for k, ((d, a), alpha) in enumerate(zip(offsets, ALPHAS, strict=True)):
         parent = model.addJoint(parent, pin.JointModelRZ(), placement, f"joint{k + 1}")

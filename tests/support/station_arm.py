@@ -12,6 +12,7 @@ import pinocchio as pin
 from oracle import flange
 
 from mlivr_gym import Limb
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 
 JOINTS = (
     ((1.3589, 0.0, 0.0), "x"),
@@ -30,7 +31,7 @@ They are shoulder roll, yaw and pitch, elbow pitch, wrist pitch, yaw and roll.
 END = (1.3589, 0.0, 0.0)
 """The end effector in the last body [m]."""
 
-LIMB = Limb(d1=0.0, a2=7.11, a3=7.11, d4=0.5692 + 0.475 + 0.5692, d5=0.7026, d6=1.3589)
+LIMB = Limb(*frames_of_dh(ur_dh(0.0, 7.11, 7.11, 0.5692 + 0.475 + 0.5692, 0.7026, 1.3589)))
 """The same arm as a limb whose six joints are 2 to 7."""
 
 SIGNS = np.array([1.0, -1.0, -1.0, -1.0, -1.0, 1.0])

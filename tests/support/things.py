@@ -11,7 +11,6 @@ from plans import first_steps
 
 from mlivr_gym import (
     Box,
-    ChainLimb,
     Settings,
     jem_map,
     robot_spec,
@@ -217,9 +216,6 @@ MAKERS = {
     "SceneRenderer": lambda of: SceneRenderer(of.map, robot_spec("mlivr2-ur10e"), 32, 16),
     "Cargo": lambda of: mlivr("robot.cargo").Cargo(1.0, 0.2),
     "Limb": lambda of: of["RobotSpec"].limb,
-    "ChainLimb": lambda of: ChainLimb(
-        *zip(*of["Limb"].link_offsets, strict=True), of["Limb"].joint_limits
-    ),
     "LimbDynamics": lambda of: of["RobotSpec"].dynamics_of(0),
     "Capsule": lambda of: of["RobotSpec"].shapes[0],
     "Visual": lambda of: Visual("upper_arm", "arm.obj"),

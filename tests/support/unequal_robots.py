@@ -1,12 +1,13 @@
 """Robots whose limbs differ, on mounts that are tilted and not evenly spread."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym import robot_spec
+from mlivr_gym import Limb, robot_spec
+from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 
 
 @cache
@@ -21,6 +22,6 @@ def unequal(limbs):
         )
     ]
     mounts[0]["position"] = np.add(mounts[0]["position"], (0.0, 0.02, 0.01)).tolist()
-    longer = replace(robot.limb, a2=1.1 * robot.limb.a2, a3=1.05 * robot.limb.a3)
+    longer = Limb(*frames_of_dh(ur_dh(a2=-1.1 * 0.425, a3=-1.05 * 0.3922)))
     mounts[1] |= {"limb": asdict(longer), "dynamics": "ur5e"}
     return robot_spec({"name": f"unequal{limbs}", "mounts": mounts})

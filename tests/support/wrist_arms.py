@@ -11,7 +11,7 @@ from oracle import flange
 from robot_texts import IIWA14, IIWA14_FIGURES, one_arm
 
 from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.robot.chain_limb import ChainLimb
+from mlivr_gym.robot.limb import Limb
 
 WIDE = ((-2.0 * np.pi, 2.0 * np.pi),) * 6
 HALF = float(np.sqrt(0.5))
@@ -55,10 +55,7 @@ class Lengths(NamedTuple):
         else:
             upper = [((0.0, 0.0, self.d2), BACK), ((self.b2, -self.d3, self.a2), FORTH)]
         origins, quaternions = zip(*base, *upper, *fore, strict=True)
-        made = ChainLimb(
-            origins, quaternions, limits, (1.0,) * len(origins), held_joint=held_joint,
-            held_angle=held_angle,
-        )  # fmt: skip
+        made = Limb(origins, quaternions, limits, held_joint=held_joint, held_angle=held_angle)
         KNOWN[origins] = self
         return made
 
@@ -146,11 +143,9 @@ def flange_of(model, limb, q):
     Seen from where the first joint that moves turns about z.
     """
     pose, jacobian = flange(model, moved_by(limb, q))
-    if limb.base_in_mount is not None:
-        axes, origin = limb.base_in_mount
-        pose[:3, 3] -= origin
-        pose[:3] = axes.T @ pose[:3]
-        jacobian = np.kron(np.eye(2), axes.T) @ jacobian
+    base = limb.base_in_mount
+    pose = np.linalg.inv(base) @ pose
+    jacobian = np.kron(np.eye(2), base[:3, :3].T) @ jacobian
     return pose, jacobian[:, columns(limb)], jacobian
 
 

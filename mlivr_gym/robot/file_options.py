@@ -1,0 +1,80 @@
+"""What a caller says of a robot from a URDF or MJCF file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from mlivr_gym.arguments import FileName, Reader
+from mlivr_gym.robot.capsules import CAPSULE, Capsule
+from mlivr_gym.robot.mounts import MOST_CAPSULES
+from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
+from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
+
+LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
+"""Validator of a length [m] that may be None."""
+
+
+def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
+    if isinstance(value, str):
+        return Choice(("ur5e",)).read(value, place)
+    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
+
+
+@dataclass(frozen=True)
+class FileOptions:
+    """What a caller says of a robot from a URDF or MJCF file; None for what the file says.
+
+    Where a list may be given it has an entry for each limb or joint, in the order of the file.
+    """
+
+    limbs: Annotated[int | None, OrNone(Integer(2, MOST_LIMBS))] = None
+    """Number of limbs, if the file is one arm; by default 2. Of a whole robot it must be the number
+    that the file has."""
+    tips: Annotated[tuple[str, ...] | None, OrNone(ListOf(NAME, 1))] = None
+    """For each limb the name of its last link, or of a site on it; None for every chain of joints
+    that begins at the body."""
+    tool_frame: Annotated[tuple[str, ...] | None, OrNone(OneOrEach(NAME))] = None
+    """Name of the link or site at which a limb grasps, or a list; None for a customary name such as
+    `tool0`, or the last link."""
+    tool_length: Annotated[float | None, LENGTH] = None
+    """Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
+    or, if it has none, for the default gripper of 0.05 m."""
+    mount_radius: Annotated[float | None, LENGTH] = None
+    """Distance of an arm's base from the body's z axis [m], if the file is one arm; by default half
+    the body's longest edge, and more if its upper arm could not turn there."""
+    body_size: Annotated[float | Triple | None, OrNone(SizeOrEdges())] = None
+    """Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes of
+    a whole robot's body."""
+    speed_limits: Annotated[
+        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s")))
+    ] = None
+    """Largest speed of every joint, or a list [rad/s]. MJCF has no field for them but a `<numeric>`
+    of this name."""
+    torque_limits: Annotated[
+        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m")))
+    ] = None
+    """Largest torque of every joint, or a list [N m]."""
+    rotor_inertia: Annotated[float | None, OrNone(Tuples((), 0.0, 1e3, "kg m^2"))] = None
+    """Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
+    the file, or `ROTOR_INERTIA` where it has none."""
+    held_joint: Annotated[tuple[str | None, ...] | None, OrNone(OneOrEach(OrNone(NAME)))] = None
+    """Name of the joint that does not move in an arm of seven, or a list; None for the third joint,
+    and for a limb of six joints."""
+    held_angle: Annotated[tuple[float | None, ...] | None, OrNone(OneOrEach(OrNone(Tuples())))] = (
+        None
+    )
+    """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
+    capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
+    """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
+    shapes of the file. `"ur5e"` stands for those that a limb has by default, simple ones along its
+    links."""
+    package_dirs: Annotated[tuple[str | Path, ...], ListOf(FileName())] = ()
+    """Folders in which the packages of `package://` names lie, in addition to those above the file.
+    """
+
+
+FILE_OPTIONS = Struct.of(FileOptions)
+"""Fields of a `FileOptions`."""

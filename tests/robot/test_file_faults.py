@@ -1,0 +1,269 @@
+"""Faults that files of robots often have: what is read in spite of them, and what is said."""
+
+import re
+import struct
+
+import mujoco
+import numpy as np
+import pytest
+from robot_texts import IIWA14, SHAPE, frames_of, joint_of, one_arm, told, whole_robot, written
+from scipy.spatial.transform import Rotation
+
+from mlivr_gym import RobotSpec, Settings, robot_spec, stance_graph
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import RobotError
+from mlivr_gym.planners import Planner
+from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.stances.random_states import random_state
+
+SIX = tuple(f"joint{k}" for k in range(1, 7))
+INERTIA = 'ixx="0.02" iyy="0.03" izz="0.04" ixy="0.001" ixz="0.002" iyz="0.003"'
+
+
+def more(text, *parts):
+    """A file with further elements."""
+    return text.replace("</robot>", "".join(parts) + "</robot>")
+
+
+def hinge(name, parent, child, place=(0.02, 0.0, 0.05)):
+    """A revolute joint and the link that it moves, which has a shape."""
+    step = np.eye(4)
+    step[:3, 3] = place
+    limits = '<axis xyz="0 1 0"/><limit lower="0" upper="0.8" effort="5" velocity="2"/>'
+    return joint_of(name, "revolute", parent, child, step, limits) + (
+        f'<link name="{child}">{SHAPE}</link>'
+    )
+
+
+def tool_of(text, rpy=(0.0, 0.0, 0.0), length=0.05):
+    """A file whose tool frame is turned, and beyond the last link."""
+    frame = f'xyz="0 0 {length}" rpy="{told(rpy)}"'
+    return re.sub(r'(name="fixed".*?<origin )xyz="[^"]*" rpy="[^"]*"', rf"\1{frame}", text,
+                  flags=re.DOTALL)  # fmt: skip
+
+
+def straight_arm():
+    """An arm whose last link is the flange, so that a tool frame is given in its axes."""
+    return one_arm(frames=frames_of((0.18, -0.6, -0.57, 0.17, 0.12, 0.0)))
+
+
+@pytest.mark.parametrize("parent", ["link6", "tool0"])
+@pytest.mark.parametrize("fingers", [1, 2])
+def test_fingers_are_no_joints_of_the_arm(tmp_path, fingers, parent):
+    """With the tool frame at hand, whatever they are called."""
+    names = [("left", "pad1"), ("right", "pad2")][:fingers]
+    text = more(straight_arm(), *(hinge(*name[:1], parent, name[1]) for name in names))
+    file = read_robot(written(tmp_path, tool_of(text)))
+    assert file.joint_names[0] == SIX
+    assert file.fields["limb"].held_joint is None
+    data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text))
+    mujoco.mj_kinematics(model, data)
+    limb, mount = file.file_limbs[0].limb, file.file_limbs[0].mount
+    flange = mount @ limb.frames_at_zero[6]
+    tool = data.body("link6").xpos + data.body("link6").xmat.reshape(3, 3) @ [0, 0, 0.05]
+    grasp = flange[:3, 3] + file.fields["tool_length"] * flange[:3, 2]
+    np.testing.assert_allclose(grasp, tool, atol=1e-9)
+
+
+def test_a_jaw_is_no_sixth_joint(tmp_path):
+    text = straight_arm()
+    cut = text.index('<joint name="joint6"')
+    text = more(text[:cut] + "</robot>", hinge("gripper", "link5", "jaw"))
+    with pytest.raises(RobotError, match="'joint1' to 'joint5' has 5 joints"):
+        read_robot(written(tmp_path, text))
+
+
+def test_chains_among_which_none_is_named_are_listed(tmp_path):
+    text = straight_arm()
+    cut = text.index('<joint name="joint6"')
+    text = more(text[:cut] + "</robot>", hinge("a", "link5", "left"), hinge("b", "link5", "right"))
+    with pytest.raises(
+        RobotError, match=r"branches after link 'link5' into 'left', 'right'; .*tips"
+    ):
+        read_robot(written(tmp_path, text))
+
+
+def test_joints_that_limbs_share_and_a_head_belong_to_the_body(tmp_path):
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[:, :3, :3] = Rotation.from_euler("y", [[90.0], [-90.0]], degrees=True).as_matrix()
+    places[:, 0, 3] = 0.3, -0.3
+    text = more(whole_robot(places), hinge("pan", "body", "neck"), hinge("nod", "neck", "head"))
+    assert robot_spec(written(tmp_path, text)).limbs == 2
+    step, limits = (
+        np.eye(4),
+        '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="9" velocity="1"/>',
+    )
+    waist = joint_of("waist", "revolute", "floor", "body", step, limits) + '<link name="floor"/>'
+    robot = RobotSpec.from_urdf(
+        written(tmp_path, more(text, waist)), tips=("arm0_tool0", "arm1_tool0")
+    )
+    assert robot.limbs == 2
+    assert robot.joint_names[0] == tuple(f"arm0_{name}" for name in SIX)
+
+
+def test_a_leaning_tool_frame_is_refused_and_one_turned_by_quarters_said(tmp_path):
+    leaning = tool_of(straight_arm(), (np.deg2rad(30.0), 0.0, 0.0))
+    words = "tool frame 'tool0' leans by 30 degrees from the axis of joint 'joint6'"
+    with pytest.raises(RobotError, match=words):
+        read_robot(written(tmp_path, leaning))
+    for angle in (90.0, 180.0):
+        turned = tool_of(straight_arm(), (np.deg2rad(angle), 0.0, 0.0))
+        source = read_robot(written(tmp_path, turned)).fields["source"]
+        assert (
+            f"along joint joint6, {angle:g} degrees from the z axis of tool frame tool0" in source
+        )
+    assert "degrees" not in read_robot(written(tmp_path, straight_arm())).fields["source"]
+
+
+def stl(edges, as_text=False):
+    """A box as an STL file, binary or of text."""
+    from scipy.spatial import ConvexHull
+
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    faces = (corners * edges)[ConvexHull(corners).simplices]
+    if as_text:
+        lines = ["".join(f"vertex {told(corner)}\n" for corner in face) for face in faces]
+        facets = "".join(
+            f"facet normal 0 0 0\nouter loop\n{one}endloop\nendfacet\n" for one in lines
+        )
+        return f"solid box\n{facets}endsolid box\n".encode()
+    rows = b"".join(struct.pack("<12fH", 0, 0, 0, *face.ravel(), 0) for face in faces)
+    return bytes(80) + struct.pack("<I", len(faces)) + rows
+
+
+def with_mesh(text, name):
+    """A file in which a mesh is the first shape of a link that moves."""
+    return text.replace('<sphere radius="0.03"/>', f'<mesh filename="{name}"/>', 1)
+
+
+def test_meshes_of_one_name_in_two_folders_stay_apart(tmp_path):
+    thin, thick = (0.04, 0.04, 0.3), (0.08, 0.08, 0.4)
+    for folder, edges in (("fore", thin), ("up", thick)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "link.stl").write_bytes(stl(edges))
+    text = with_mesh(with_mesh(one_arm(), "fore/link.stl"), "up/link.stl")
+    shapes = read_robot(written(tmp_path, text)).fields["capsules"]
+    for link, edges in (("shoulder", thin), ("upper_arm", thick)):
+        ends = np.array([end for c in shapes if c.link == link for end in (c.start, c.end)])
+        around = max(c.radius for c in shapes if c.link == link)
+        length = np.linalg.norm(ends[:, None] - ends, axis=2).max() + 2.0 * around
+        assert edges[2] <= length <= 1.2 * edges[2]
+
+
+def test_an_stl_of_text_is_read_and_what_is_no_mesh_is_said(tmp_path):
+    path = written(tmp_path, with_mesh(one_arm(), "part.stl"))
+    read = []
+    for as_text in (False, True):
+        (tmp_path / "part.stl").write_bytes(stl((0.1, 0.1, 0.3), as_text))
+        read.append(read_robot(path).fields["capsules"])
+    for one, other in zip(*read, strict=True):
+        np.testing.assert_allclose(
+            [*one.start, one.radius], [*other.start, other.radius], atol=1e-6
+        )
+    for content, words in (
+        (
+            b"version https://git-lfs.github.com/spec/v1\n",
+            "'part.stl' is a pointer of Git LFS; .*pull",
+        ),
+        (b"broken", "part.stl"),
+    ):
+        (tmp_path / "part.stl").write_bytes(content)
+        with pytest.raises(RobotError, match=words):
+            read_robot(path)
+        assert read_robot(path, capsules="ur5e").fields["limb"] == read_robot(path, capsules=[
+            {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
+        ]).fields["limb"]  # fmt: skip
+
+
+def test_rounded_inertias_are_repaired_within_one_per_cent_and_it_is_said(tmp_path):
+    figures = 'ixx="0.0139" iyy="0.014" izz="{}" ixy="0" ixz="0" iyz="0"'
+    text = one_arm().replace(INERTIA, figures.format(0.02791), 1)
+    robot = robot_spec(written(tmp_path, text))
+    assert re.search("inertia of base_link repaired: .* by 0.036 % at most", robot.source)
+    dynamics = robot.limb_dynamics
+    moments = np.linalg.eigvalsh(np.array(dynamics.base_inertia)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
+    np.testing.assert_allclose(moments, [0.0139, 0.014, 0.0279], rtol=1e-6)
+    worse = one_arm().replace(INERTIA, figures.format(0.0290), 1)
+    with pytest.raises(RobotError, match=r"link 'base_link' has the principal moments 0\.0139"):
+        read_robot(written(tmp_path, worse))
+    asked = '<mujoco><compiler balanceinertia="true"/></mujoco>'
+    source = read_robot(written(tmp_path, more(worse, asked))).fields["source"]
+    assert "exceeded the sum of the others by 3.9 %" in source
+
+
+@pytest.mark.parametrize(
+    ("change", "lacks"),
+    [
+        (lambda text: re.sub("<inertial>.*?</inertial>", "", text, flags=re.DOTALL),
+         "mass or inertia of link link1, link2, link3, link4, link5, link6"),
+        (lambda text: text.replace('<mass value="3.0"/>', '<mass value="0"/>'),
+         "mass or inertia of link link3"),
+        (lambda text: text.replace(INERTIA, 'ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"'),
+         "mass or inertia of link link1, link2"),
+        (lambda text: text.replace('effort="102"', 'effort="0"'), "torque limit of joint joint3"),
+        (lambda text: text.replace('velocity="2"', 'velocity="0"'), "speed limit of joint joint1"),
+        (lambda text: text.replace('velocity="2"', ""), "speed limit of joint joint1, joint2"),
+    ],
+)  # fmt: skip
+def test_what_only_a_simulation_needs_may_be_missing_and_is_named(tmp_path, change, lacks):
+    path = written(tmp_path, change(one_arm()))
+    robot = robot_spec(path)
+    assert robot.dynamics is None
+    with pytest.raises(RobotError, match=f"cannot be simulated.*lacks {lacks}"):
+        robot.dynamics_of(0)
+    assert RobotSpec.from_urdf(path, dynamics="ur10e").torque_limits.max() == 330.0
+
+
+def test_a_robot_without_masses_plans(ladder, tmp_path):
+    text = re.sub("<inertial>.*?</inertial>", "", one_arm(), flags=re.DOTALL)
+    robot = RobotSpec.from_urdf(written(tmp_path, text), capsules="ur5e")
+    graph = stance_graph(ladder, robot, Settings(limb_threshold=0.02, collisions=False))
+    start, after = (random_state(graph, np.random.default_rng(k)) for k in range(2))
+    goal = graph.configuration(after)[0].tolist()
+    assert len(Planner(graph).plan(start, goal, "steps").unwrap().steps) >= 0
+
+
+@pytest.mark.parametrize("encoding", ["iso-8859-1", "utf-16", "utf-8-sig"])
+def test_a_file_is_read_by_its_own_declaration(tmp_path, encoding):
+    said = encoding.removesuffix("-sig")
+    text = f'<?xml version="1.0" encoding="{said}"?><!-- für Arme -->{one_arm()}'
+    path = tmp_path / "arm.urdf"
+    path.write_bytes(text.encode(encoding))
+    assert robot_spec(path) == robot_spec(written(tmp_path, one_arm(), "plain.urdf"))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (
+            "version https://git-lfs.github.com/spec/v1\noid sha256:0\n",
+            "pointer of Git LFS; .*pull",
+        ),
+        ("<!DOCTYPE html>\n<html><body>404</body></html>", "a web page; save the raw file"),
+        ("<html></html>", "a web page"),
+        (one_arm().replace("</robot>", "<a>" * 1100 + "</a>" * 1100 + "</robot>"), "too deeply"),
+        ('<?xml version="1.0" encoding="klingon"?><robot/>', "not KLINGON text"),
+    ],
+)
+def test_what_is_no_robot_is_said_in_one_line(tmp_path, content, words):
+    with pytest.raises(RobotError, match=words) as caught:
+        robot_spec(written(tmp_path, content))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_height_field_and_a_long_name_end_in_no_other_error(tmp_path):
+    field = '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/></asset>'
+    ground = '<worldbody><geom type="hfield" hfield="h"/>'
+    text = robot_spec("mlivr2").to_mjcf().replace("<worldbody>", f"{field}{ground}", 1)
+    assert robot_spec(written(tmp_path, text, "field.xml")).limbs == 2
+    long = with_mesh(one_arm(), f"{'x' * 255}.stl")
+    with pytest.raises(RobotError, match="meshes of collision shapes are not found"):
+        robot_spec(written(tmp_path, long))
+
+
+def test_every_command_says_what_is_assumed(tmp_path, capsys):
+    path = written(tmp_path, one_arm(frames=IIWA14))
+    assert main(["info", "--robot", path, "--no-collisions", "--no-transitions"]) == 0
+    told = capsys.readouterr().err
+    assert "joint joint3 held at 0 rad; a gripper of 0.05 m and 0.5 kg added" in told
+    assert "rotor inertias of 0.1 kg m^2 assumed" in told
