@@ -18,7 +18,8 @@ from mlivr_gym.arguments import NOT_NEGATIVE, Reader, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.motion.plan_parts import COSTS, OWN
-from mlivr_gym.schema import Choice, FieldPath, OrNone, Tuples
+from mlivr_gym.schema import Choice, FieldPath, ListOf, OrNone, Tuples
+from mlivr_gym.values import MAX_POINTS
 
 HIGHEST_PRICE = 1e6
 """Largest price of a regrasp [m]; above it base displacements would be lost in rounding."""
@@ -39,6 +40,21 @@ class PointPrices:
         """Return the prices of some points, shape (k,); see `Prices`."""
         found: Array = self.values[points]
         return found
+
+
+def _read_prices(given: Any, path: FieldPath) -> Prices | None:
+    """Return prices that are given as a function, as numbers for all points, or as None."""
+    if given is None or callable(given):
+        found: Prices | None = given
+        return found
+    return PointPrices(np.array(POINT_PRICES.read(given, path)))
+
+
+POINT_PRICES = ListOf(Tuples((), 0.0, HIGHEST_PRICE), 1, MAX_POINTS)
+"""Validator of a price for each point."""
+
+PRICES = Reader(_read_prices)
+"""Validator of prices."""
 
 
 def _read_cost(given: Any, path: FieldPath) -> Any:
@@ -114,7 +130,7 @@ class Cost:
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
     @classmethod
-    @checked({"base_weight": NOT_NEGATIVE, "step_weight": NOT_NEGATIVE})
+    @checked({"base_weight": NOT_NEGATIVE, "step_weight": NOT_NEGATIVE, "prices": PRICES})
     def own(
         cls,
         base_weight: float = 0.0,
@@ -130,15 +146,8 @@ class Cost:
         """
         if not base_weight + step_weight > 0.0:
             raise SettingError("base_weight and step_weight are both 0; one must be above 0")
-        if prices is None or callable(prices):
-            return cls(OWN, base_weight, step_weight, prices)
-        found = np.array(prices, dtype=np.float64)
-        if found.ndim != 1 or not ((found >= 0.0) & (found <= HIGHEST_PRICE)).all():
-            raise SettingError(
-                f"prices is {shortened(prices)}; it must be numbers from 0 to {HIGHEST_PRICE:g}, "
-                "one for each point, or a function"
-            )
-        return cls(OWN, base_weight, step_weight, PointPrices(found))
+        assert prices is None or callable(prices)  # it was read
+        return cls(OWN, base_weight, step_weight, prices)
 
     @property
     def counts_steps(self) -> bool:

@@ -13,7 +13,7 @@ PACKAGE = ROOT / "mlivr_gym"
 LAYERS = (
     {"experiments", "__main__"},
     {"cli"},
-    {"viewer", "studies"},
+    {"viewer", "studies", "benchmark"},
     {"agents"},
     {"envs"},
     {"pictures"},

@@ -43,6 +43,11 @@ EXAMPLES = {
         "mlivr-gym evaluate --policy pretrained --beam 8 --split same",
         "mlivr-gym evaluate --policy my_policy --split occupied --json",
     ),
+    "benchmark": (
+        "mlivr-gym benchmark run --policy my_module:act --budget planner --out my_entry",
+        "mlivr-gym benchmark check my_entry",
+        "mlivr-gym benchmark table my_entry benchmark/greedy",
+    ),
     "study": (
         "mlivr-gym study thresholds.toml",
         "mlivr-gym study thresholds.toml --engine dask --scheduler tcp://10.0.0.1:8786",

@@ -41,6 +41,7 @@ COMMANDS = {
     "view": "show a plan in the browser and change it there",
     "train": "train a policy",
     "evaluate": "evaluate a policy or a planner",
+    "benchmark": "run a policy on the held-out tasks, check entries, or list them in a table",
     "study": "run a study over robots, maps, settings and tasks",
     "dataset": "write episodes of the expert as a Minari data set",
     "warmup": "compile the code that the first plan needs",
