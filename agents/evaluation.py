@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import repeat
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,32 @@ class EvaluationTask(NamedTuple):
     """Ids of points that no limb may grasp."""
 
 
+class Episode(NamedTuple):
+    """What a policy did in an episode."""
+
+    actions: tuple[int, ...]
+    """The actions."""
+    decisions: tuple[float, ...]
+    """Time in which the policy chose each action [s]."""
+    first_decision: float
+    """Time of the reset and of the choice of the first action [s]."""
+    total_reward: float
+    """Sum of the rewards."""
+    states: tuple[State, ...]
+    """The state at the start, and after each action that made its step."""
+    failed_grasps: int
+    """Number of actions whose grasp failed."""
+    start: dict[str, Any]
+    """Information of the reset."""
+    end: dict[str, Any]
+    """Information at the end."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the goal was reached."""
+        return bool(self.end["is_success"])
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """Results of k episodes."""
@@ -52,6 +78,10 @@ class Evaluation:
     executed: Array
     """1 if `execute` could execute the states of the episode, 0 if not, NaN if it was not asked,
     shape (k,)."""
+    optimal_cost: Array
+    """Optimal cost from the start, NaN without the environment's `info_regret`, shape (k,)."""
+    regret: Array
+    """Regret at the end, NaN without the environment's `info_regret`, shape (k,)."""
 
     @property
     def success_rate(self) -> float:
@@ -124,7 +154,8 @@ def evaluate(
         for k, task in enumerate(tasks):
             if task is not None:
                 _set_occupied_points(env, task.occupied)
-            rows.append(_run_episode(env, policy, task, seed + k, max_steps, execute))
+            options = {} if task is None else {"start": task.start, "goal": task.goal}
+            rows.append(_row(env, run_episode(env, policy, options, seed + k, max_steps), execute))
             if progress is not None:
                 progress(k + 1)
     finally:
@@ -139,37 +170,52 @@ def _set_occupied_points(env: MlivrEnv, points: Sequence[str]) -> None:
         env.graph.occupy(points)
 
 
-def _run_episode(
-    env: MlivrEnv,
-    policy: Policy,
-    task: EvaluationTask | None,
-    seed: int,
-    max_steps: int,
-    execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
-) -> tuple[float, ...]:
-    """Run one episode; return its results in the order of `Evaluation`."""
+def run_episode(
+    env: MlivrEnv, policy: Policy, options: dict[str, Any], seed: int | None, max_steps: int
+) -> Episode:
+    """Run one episode with options and a seed of `MlivrEnv.reset`; it ends as in `evaluate`."""
     began = time.perf_counter()
-    options = {} if task is None else {"start": task.start, "goal": task.goal}
     observation, info = env.reset(seed=seed, options=options)
-    states, failed, spent, first = [env.state], 0, 0.0, 0.0
-    ended = success = bool(info["is_success"])
-    while not ended and info["steps"] < max_steps and not info["invalid_action"]:
+    start, states, failed, first, total = info, [env.state], 0, 0.0, 0.0
+    actions: list[int] = []
+    decisions: list[float] = []
+    ended = bool(info["is_success"])
+    while not ended and len(actions) < max_steps and not info["invalid_action"]:
         mask, asked = env.action_masks(), time.perf_counter()
         action = policy.act(env, observation, mask)
         now = time.perf_counter()
-        spent += now - asked
+        decisions.append(now - asked)
         first = first or now - began
-        observation, _, ended, _, info = env.step(action)
+        observation, reward, ended, _, info = env.step(action)
+        actions.append(int(action))
+        total, failed = total + reward, failed + info["grasp_failed"]
         # A simulated step that fails ends the episode too.
-        success = bool(info["is_success"])
-        failed += info["grasp_failed"]
         if not (info["grasp_failed"] or info["invalid_action"] or info.get("failure")):
             states.append(env.state)
-    answer = execute(env, tuple(states)) if success and execute is not None else None
-    steps = int(info["steps"])
-    executed = math.nan if answer is None else float(answer)
-    metres = float(info["base_translation"])
-    return success, steps, metres, first, spent / max(steps, 1), failed, executed
+    return Episode(
+        tuple(actions), tuple(decisions), first, total, tuple(states), failed, start, info
+    )
+
+
+def _row(
+    env: MlivrEnv,
+    episode: Episode,
+    execute: Callable[[MlivrEnv, tuple[State, ...]], bool | None] | None,
+) -> tuple[float, ...]:
+    """Return the results of an episode in the order of `Evaluation`."""
+    answer = execute(env, episode.states) if episode.success and execute is not None else None
+    steps, end = len(episode.actions), episode.end
+    return (
+        episode.success,
+        steps,
+        float(end["base_translation"]),
+        episode.first_decision,
+        sum(episode.decisions) / max(steps, 1),
+        episode.failed_grasps,
+        math.nan if answer is None else float(answer),
+        episode.start.get("optimal_cost", math.nan),
+        end.get("regret", math.nan),
+    )
 
 
 def bootstrap(values: Array) -> tuple[float, float]:

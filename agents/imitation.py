@@ -31,12 +31,10 @@ from torch import Tensor
 from mlivr_gym.agents.features import TableFeatures, point_lookahead
 from mlivr_gym.agents.hyperparameters import ImitationHyperparameters
 from mlivr_gym.agents.networks import as_tensors, logits_and_value
-from mlivr_gym.agents.policies import cost_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.envs.batch import ActionResults, SubEnvStates, TaskDistribution, advance, draw_tasks
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import ObservationArrays, ObservationTable
-from mlivr_gym.envs.rewards import StepReward
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import WalkTasks, draw_task
 from mlivr_gym.errors import StanceError
@@ -181,7 +179,7 @@ class Imitation:
         goals, env = self._draw_goals(tables), self.env
         if not len(goals):
             return _no_samples(self.m), np.zeros(2, dtype=np.int64)
-        cost, risk = cost_of(env), env.failure_probability
+        cost, risk = env.reward.cost, env.failure_probability
         values = TableValues(tables, in_goal_region(tables, goals, env.goal_tolerance), cost, risk)
         goal_index, stances = self._draw_starts(values)
         layout = _Layout(free, goals, values, sum(map(len, self._lookahead)))
@@ -327,7 +325,7 @@ class Imitation:
             logits, value = logits_and_value(self.actor_critic, observation)
             loss = optimal_set_loss(logits, valid, optimal)
             cost = torch.as_tensor(batch.cost)
-            if isinstance(self.env.reward.step_reward, StepReward) and given.discount < 1.0:
+            if self.env.reward.cost.name == "steps" and given.discount < 1.0:
                 # minus the discounted return of this many steps
                 cost = (1.0 - given.discount**cost) / (1.0 - given.discount)
             error = (value + cost).square().mean()

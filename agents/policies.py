@@ -13,8 +13,7 @@ from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation
-from mlivr_gym.envs.rewards import BaseReward, StepReward
-from mlivr_gym.errors import SettingError, shortened
+from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import BASELINE, find_walk
 from mlivr_gym.planners.cost_to_go import CostToGo
@@ -63,7 +62,7 @@ class RandomPolicy(Independent):
 class ExpertPolicy(Independent):
     """Policy that takes the first step of an optimal plan, by the exact cost-to-go.
 
-    It is for two limbs, and for the rewards `"steps"` and `"base"`. Where grasps may fail, the cost
+    It is for two limbs, and for rewards by a cost. Where grasps may fail, the cost
     is the expected cost of plans that repeat a failed step until it succeeds, an upper bound of the
     least expected cost, see `planners.table_values.expected_prices`. The first action makes the
     environment compute all its steps, or read them from a table (`MlivrEnv.table_moves`).
@@ -105,7 +104,7 @@ class ExpertPolicy(Independent):
             # The table lacks this state; failures of its first grasp are not considered.
             moves, points = env.table_moves(), len(env.graph.grasp_map)
             steps = moves.successors(env.state)
-            exact = CostToGo(_two_limbs(env), Goal(env.goal, env.goal_tolerance, cost_of(env)))
+            exact = CostToGo(_two_limbs(env), Goal(env.goal, env.goal_tolerance, env.reward.cost))
             best = exact.best(env.state, steps)
             return int(steps.limb[best] * points + steps.point[best])
         costs = self.costs(env)
@@ -124,7 +123,7 @@ class ExpertPolicy(Independent):
         risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
         key = (env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
         if self._moves is not moves or self._key != key:
-            cost = cost_of(env)
+            cost = env.reward.cost
             self._moves, self._key = moves, key
             goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)
@@ -142,19 +141,6 @@ def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
             f"{env.graph.limbs}"
         )
     return env.graph
-
-
-def cost_of(env: MlivrEnv) -> Cost:
-    """Return the cost whose negative is the reward of an environment, without shaping and bonus.
-
-    Raises a `SettingError` if the reward is an object of the user, whose cost is not known.
-    """
-    reward = env.reward.step_reward
-    if isinstance(reward, StepReward | BaseReward):
-        return Cost.named("steps" if isinstance(reward, StepReward) else "base")
-    raise SettingError(
-        f"the expert needs the reward 'steps' or 'base'; this environment has {shortened(reward)}"
-    )
 
 
 class PlanPolicy(Independent):
@@ -191,7 +177,7 @@ class PlanPolicy(Independent):
 
 @checked(QUERY)
 def planner_policy(
-    cost: str = "steps", planner: Planner | None = None, **options: Any
+    cost: str | Cost = "steps", planner: Planner | None = None, **options: Any
 ) -> PlanPolicy:
     """Return a policy that follows plans of a `Planner`.
 
@@ -227,7 +213,7 @@ class _Planned:
 
     given: Planner | None
     """Planner of the user."""
-    cost: str
+    cost: str | Cost
     options: dict[str, Any]
     made: Planner | None = None
     """Planner on the graph of the environment, if none is given."""

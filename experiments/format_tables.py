@@ -185,8 +185,7 @@ def tables() -> dict[str, str]:
         "fields_robot": "\n".join(
             (
                 fields(robot),
-                fields(LIMB, title="A limb of the UR family, three parallel axes:"),
-                fields(CHAIN_LIMB, title="A limb told by the frames of its links:"),
+                fields(LIMB, title="A limb, told by the frames of its links:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),

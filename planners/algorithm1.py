@@ -112,7 +112,7 @@ def algorithm1(
             progress(index)
         steps = graph.successors(state)  # line 6
         distances = np.linalg.norm(steps.base_position - here, axis=1)
-        g = -minus_g + cost.base_weight * distances + cost.step_weight  # line 7
+        g = -minus_g + cost.of_steps(distances, steps.stances(state), steps.point)  # line 7
         f = g + estimate(steps.base_position)
         for k in range(len(steps.limb)):
             after = steps.after(state, k)

@@ -181,19 +181,20 @@ def _improve_predecessors(
                 continue
             other = int(table.members[begin + k]) // limbs
             estimate = estimates[other]
-            cost = g + edge_cost(table, s, other, weights)
+            cost = g + edge_cost(table, other, s, limb, weights)
             if cost < estimate.cost and estimate.start_bound < np.inf:
                 estimate.cost, estimate.closed = cost, False
                 push(queue, cost + estimate.start_bound, other)
 
 
 @kernel
-def edge_cost(table: NodeTable, a: int, b: int, weights: CostWeights) -> float:
-    """Return the cost of a step between two nodes."""
+def edge_cost(table: NodeTable, a: int, b: int, moved: int, weights: CostWeights) -> float:
+    """Return the cost of a step between two nodes, after which a limb of the second has moved."""
+    charge = weights.step + weights.prices[b, moved] if len(weights.prices) else weights.step
     if weights.base == 0.0:
-        return float(weights.step)
+        return float(charge)
     shift = 0.0
     for axis in range(3):
         offset = table.base_position[a, axis] - table.base_position[b, axis]
         shift += offset * offset
-    return float(weights.base * np.sqrt(shift) + weights.step)
+    return float(weights.base * np.sqrt(shift) + charge)

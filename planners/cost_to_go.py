@@ -11,13 +11,14 @@ import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
-from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
+
+FIRST = np.zeros(1, dtype=np.int64)
+"""Index of the only goal, for one state."""
 
 
 class CostToGo:
@@ -39,9 +40,8 @@ class CostToGo:
         """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_position, graph.points)
-        self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost).values[0]
-        self._releasable = graph.releasable
-        self.values: Array = np.where(self.is_goal, 0.0, self._table.min(axis=(1, 2)))
+        self._table = TableValues(step_tables(graph), self.is_goal[None], goal.cost)
+        self.values: Array = self._table.of_stances(0)
 
     def value(self, state: State) -> float:
         """Return the cost from a state to the goal; infinite for a stance that cannot be held.
@@ -54,16 +54,7 @@ class CostToGo:
         s = self.graph.find(state.stance)
         if s < 0:
             return np.inf
-        if self.is_goal[s]:
-            return 0.0
-        return float(
-            min(
-                self._table[s, i][bits_of(state.branch_sets[i])].min()
-                if can_release(state.branch_sets[1 - i], int(self._releasable[s, 1 - i]))
-                else np.inf
-                for i in range(2)
-            )
-        )
+        return float(self._table.of_states(np.array([s]), np.array([state.branch_sets]), FIRST)[0])
 
     def _from_given_pose(self, state: State) -> float:
         """Return the cost from a state with a given base pose, by its successors."""
@@ -74,14 +65,13 @@ class CostToGo:
     @checked(late=True)
     def action_values(self, state: State, successors: Successors) -> Array:
         """Return the cost of each step from a state and an optimal path after it, shape (k,)."""
-        out = np.empty(len(successors.limb))
         shift = np.linalg.norm(
             successors.base_position - self.graph.posture_of(state).base_position[0], axis=1
         )
-        for k in range(len(out)):
-            after = successors.after(state, k)
-            out[k] = self.cost.base_weight * shift[k] + self.cost.step_weight + self.value(after)
-        return out
+        steps = self.cost.of_steps(shift, successors.stances(state), successors.point)
+        rest = [self.value(successors.after(state, k)) for k in range(len(steps))]
+        values: Array = steps + np.array(rest)
+        return values
 
     @checked(late=True)
     def best(self, state: State, successors: Successors) -> int:

@@ -26,6 +26,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.clock import OutOfTime
+from mlivr_gym.planners.costs import moved_points
 from mlivr_gym.planners.path_search import COST_TOLERANCE, EDGE_EFFORT, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.set_bounds import SetBounds
@@ -295,7 +296,9 @@ class ImplicitSearch(PathSearch):
         positions, cost = postures.base_position[nodes], self.goal.cost
         before = np.array([parents[k].position for k in nodes]).reshape(-1, 3)
         costs = np.array([parents[k].cost for k in nodes])
-        costs += cost.base_weight * np.linalg.norm(positions - before, axis=1) + cost.step_weight
+        shift = np.linalg.norm(positions - before, axis=1)
+        held = np.array([parents[k].state.stance for k in nodes]).reshape(-1, self.graph.limbs)
+        costs += cost.of_steps(shift, rows[nodes], moved_points(held, rows[nodes]))
         lower_bounds = self._lower_bounds(rows[nodes], self._remaining(positions), costs)
         keys = costs, lower_bounds, self._keys(rows[nodes], positions, costs, lower_bounds)
         for k, g, f, key in zip(nodes.tolist(), *(one.tolist() for one in keys), strict=True):

@@ -340,7 +340,7 @@ def _expand(
                     kept &= checked_edges.kept[slot]
             if not each_keeps_one(kept, limbs):
                 continue
-            cost = labels.cost[label] + edge_cost(table, s, other, weights)
+            cost = labels.cost[label] + edge_cost(table, s, other, moved, weights)
             if not cost + h[other] < status.incumbent_cost:
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)

@@ -62,7 +62,7 @@ class LevelSearch(PathSearch):
         quicker.
         """
         unknown = isinstance(graph, TwoLimbGraph) and not graph.is_complete_without_obstacles
-        return unknown and search.heuristic == "relaxed" and not search.goal.cost.base_weight
+        return unknown and search.heuristic == "relaxed" and search.goal.cost.counts_steps
 
     def _set_origins(self) -> None:
         """Set the states at which paths over stances of the graph may start."""

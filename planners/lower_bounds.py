@@ -18,7 +18,7 @@ from mlivr_gym.kinematics.batches import distances, rows_close
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
 from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import UNLIMITED, Clock
-from mlivr_gym.planners.costs import Cost, cost_weights
+from mlivr_gym.planners.costs import Cost, CostWeights, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.labels import Labels
 from mlivr_gym.planners.lazy_table import LazyTable, make_lazy_table
@@ -71,6 +71,7 @@ class LowerBounds:
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
         self._lazy_table: LazyTable | None = None
+        self._weights: tuple[Cost, CostWeights] | None = None
         self._occupied = frozenset[int](), np.zeros(len(table.points), dtype=np.bool_)
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
@@ -90,6 +91,12 @@ class LowerBounds:
             self._lazy_table = make_lazy_table(self.graph, self._lazy_table)
         assert self._lazy_table is not None
         return self._lazy_table
+
+    def weights(self, cost: Cost) -> CostWeights:
+        """Return a cost for compiled searches over the table."""
+        if self._weights is None or self._weights[0] != cost:
+            self._weights = cost, cost_weights(cost, self.table.points)
+        return self._weights[1]
 
     def cached(self, goal: Goal, starts: IntArray) -> GoalBounds | None:
         """Return cached bounds that are exact from some nodes, or None."""
@@ -139,11 +146,11 @@ class LowerBounds:
         clock: Clock,
     ) -> GoalBounds:
         """Compute bounds from some nodes for paths that do not enter forbidden nodes."""
-        if cost.base_weight:
+        if not cost.counts_steps:
             extension = self._extension[0], self._extension[1] * cost.step_weight
             start_bounds = self._start_bounds(cost, starts, forbidden, clock)
             h, exact = costs_to_goal(
-                table, goals, cost_weights(cost), starts, start_bounds, extension, clock=clock
+                table, goals, self.weights(cost), starts, start_bounds, extension, clock=clock
             )
         else:
             steps, smallest = fewest_steps(
@@ -170,7 +177,7 @@ class LowerBounds:
         goals, whose rows have shape (g,).
         """
         base = self.table.base_position
-        if not cost.base_weight:
+        if cost.counts_steps:
             return self.among_checked(cost, np.arange(len(base)) == start, goals, clock).h
         away = distances(base, base[start])
         h = cost.heuristic("consistent", away, 0.0, self.graph.max_displacement)

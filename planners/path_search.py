@@ -100,7 +100,7 @@ class PathSearch(ABC):
 
     def cost(self, path: StatePath) -> float:
         """Return the cost of a path."""
-        return self.goal.cost.of_path(path.positions)
+        return self.goal.cost.of_path(path.positions, [state.stance for state in path.states])
 
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""

@@ -16,6 +16,7 @@ from mlivr_gym.motion.commitment import CommittedSteps, committed_motion
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
@@ -83,7 +84,7 @@ class Planner(OnGraph):
         self,
         start: Sequence[str | int] | State,
         goal: Sequence[float] | Array,
-        cost: str = "base",
+        cost: str | Cost = "base",
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
@@ -102,8 +103,8 @@ class Planner(OnGraph):
         goal
             Goal position x, y, z in the module frame [m].
         cost
-            `"base"` (base displacement), `"steps"` or `"weighted"` (displacement plus a price for
-            each regrasp).
+            `"base"` (base displacement), `"steps"`, `"weighted"` (displacement plus a price for
+            each regrasp), or a `Cost`.
         regrasp_price
             Price of a regrasp [m], with `cost="weighted"`.
         goal_tolerance
@@ -281,7 +282,7 @@ class Planner(OnGraph):
     def prepare(
         self,
         goal: Sequence[float] | Array,
-        cost: str = "base",
+        cost: str | Cost = "base",
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,
@@ -303,7 +304,7 @@ class Planner(OnGraph):
     def cost_to_go(
         self,
         goal: Sequence[float] | Array,
-        cost: str = "base",
+        cost: str | Cost = "base",
         *,
         regrasp_price: float | None = None,
         goal_tolerance: float = GOAL_TOLERANCE,

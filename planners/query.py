@@ -84,7 +84,7 @@ class Goal:
         cls,
         graph: StanceGraph,
         goal: Sequence[float] | Array,
-        cost: str,
+        cost: str | Cost,
         regrasp_price: float | None,
         tolerance: float,
         face: str | None = None,

@@ -29,7 +29,7 @@ from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.clock import OutOfTime
-from mlivr_gym.planners.costs import Cost, cost_weights
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.label_search import (
     SEARCH_COMPLETE,
     SearchGraph,
@@ -99,7 +99,7 @@ class TableSearch(PathSearch):
                 for after, position in zip(states, steps.base_position, strict=True)
             ]
             shift = np.linalg.norm(steps.base_position - here, axis=1)
-            costs = self.goal.cost.base_weight * shift + self.goal.cost.step_weight
+            costs = self.goal.cost.of_steps(shift, steps.stances(state), steps.point)
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
         stances, branch_sets = table[:, 0], table[:, 1]
@@ -153,7 +153,7 @@ class TableSearch(PathSearch):
             return
         if known is not None:
             yield known, first_of(stages)
-        if goal.cost.base_weight and not self.has_path:
+        if not goal.cost.counts_steps and not self.has_path:
             yield self._bounds(replace(goal, cost=Cost.named("steps"))), first_of(stages)
         if not self.is_late:
             yield self._new_bounds(), stages
@@ -179,7 +179,8 @@ class TableSearch(PathSearch):
             is_over = self._is_complete or self.is_late or self.expanded >= search.limit
             if is_over or self.lower_bound == np.inf:
                 return
-            if self._origin_paths[0].states[0].pose is None:
+            # A backward search takes the cost of an edge to be the same in both directions.
+            if self._origin_paths[0].states[0].pose is None and goal_bounds.cost.prices is None:
                 goal_bounds = self._backward_bounds(
                     self._bounds_of_rest(goal_bounds), expansion_limit
                 )
@@ -210,7 +211,7 @@ class TableSearch(PathSearch):
         nodes = np.flatnonzero(goal_bounds.h == 0.0)
         start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes, self.clock)
         origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
-        weights = cost_weights(goal.cost)
+        weights = self._lower_bounds.weights(goal.cost)
         search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
@@ -279,9 +280,8 @@ class TableSearch(PathSearch):
         known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit = min(parameters.max_expansions, limit)
-        search_graph = SearchGraph(
-            lazy_table.table, known, cost_weights(goal_bounds.cost), unchecked=lazy_table.unchecked
-        )
+        weights = self._lower_bounds.weights(goal_bounds.cost)
+        search_graph = SearchGraph(lazy_table.table, known, weights, unchecked=lazy_table.unchecked)
         found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             parameters._replace(max_expansions=limit), cost_limit=cost_limit,

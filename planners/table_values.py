@@ -1,4 +1,4 @@
-"""Cost-to-go over `StepTables`, with costs that may depend on the point that a limb grasps.
+"""Cost-to-go over `StepTables`, with costs that may depend on the stance a step leads to.
 
 The table holds `U[s, i, b]`, the minimum cost from stance s when limb i holds on branch b and the
 other limb moves next. A label-correcting search computes it, which relaxes edges until Bellman's
@@ -23,12 +23,12 @@ from mlivr_gym.transitions.rule import can_release, kept_on_edge
 
 
 class StepPrices(NamedTuple):
-    """Prices of a step to each of m points, shape (m,)."""
+    """Prices of steps to n stances on m points."""
 
     step: Array
-    """Price of the step."""
+    """Price of a step to each stance by the limb that moves, shape (n, 2)."""
     metre: Array
-    """Price of each metre of base displacement [1/m]."""
+    """Price of each metre of base displacement of a step to each point [1/m], shape (m,)."""
 
 
 class CostTables(NamedTuple):
@@ -83,7 +83,7 @@ def compute_costs(
                 square = 0.0
                 for axis in range(3):
                     square += (tables.base_position[s, axis] - tables.base_position[s2, axis]) ** 2
-                cost = step_cost[point] + base_cost[point] * np.sqrt(square)
+                cost = step_cost[s2, moving] + base_cost[point] * np.sqrt(square)
                 branches, changed = tables.kept[e], False
                 for b in range(16):
                     if has(branches, b):
@@ -145,17 +145,18 @@ def step_values(
                 if is_goal[g, s2]:
                     remaining = 0.0
                 out[k, moving * m + point] = (
-                    step_cost[point] + base_cost[point] * np.sqrt(square) + remaining
+                    step_cost[s2, moving] + base_cost[point] * np.sqrt(square) + remaining
                 )
 
 
-def expected_prices(cost: Cost, failure: Array) -> StepPrices:
-    """Return the expected prices of a step and of a metre if attempts at points may fail.
+def expected_prices(cost: Cost, failure: Array, points: NDArray[np.integer]) -> StepPrices:
+    """Return the expected prices of steps and metres to n stances if attempts may fail.
 
-    A failed attempt costs a step and the base displacement there and back. It is repeated until it
-    succeeds, after `1 / (1 - p)` attempts on average, with the probability p of each point, (m,).
+    A failed attempt costs a step, with its price, and the base displacement there and back. It is
+    repeated until it succeeds, after `1 / (1 - p)` attempts on average, with the probability p of
+    each point, (m,). The stances hold points (n, 2).
     """
-    step = cost.step_weight / (1.0 - failure)
+    step = (cost.step_weight + cost.of_nodes(points)) / (1.0 - failure)[points]
     return StepPrices(step, cost.base_weight * (1.0 + failure) / (1.0 - failure))
 
 
@@ -188,8 +189,8 @@ class TableValues:
         With probabilities that an attempt at each point fails, shape (m,), they are expected costs.
         """
         self.tables = tables
-        points = int(tables.points.max()) + 1 if failure is None else len(failure)
-        self.prices = expected_prices(cost, np.zeros(points) if failure is None else failure)
+        sure = np.zeros(int(tables.points.max()) + 1)
+        self.prices = expected_prices(cost, sure if failure is None else failure, tables.points)
         n, count = len(tables.points), len(is_goal)
         self.is_goal: BoolArray = is_goal & (tables.branch_sets != 0).all(axis=1)
         self._costs = CostTables(np.full((count, n, 2, 16), np.inf), np.full((count, n, 2), np.inf))
@@ -201,6 +202,16 @@ class TableValues:
     def of_stances(self, g: int) -> Array:
         """Return the cost from each stance to goal `g` with all its branches, shape (n,)."""
         return np.where(self.is_goal[g], 0.0, self.values[g].min(axis=(1, 2)))
+
+    def of_states(self, stances: IntArray, branch_sets: IntArray, goal_of_state: IntArray) -> Array:
+        """Return the cost from k states, with branch sets (k, 2) and the index of a goal each."""
+        on_branch = branch_sets[:, :, None] >> np.arange(16) & 1 != 0
+        values = np.where(on_branch, self.values[goal_of_state, stances], np.inf).min(axis=2)
+        # A limb may hold while the other one can be released, as `transitions.rule` says.
+        can_move = branch_sets & self.tables.releasable[stances] != 0
+        least = np.where(can_move[:, ::-1], values, np.inf).min(axis=1)
+        found: Array = np.where(self.is_goal[goal_of_state, stances], 0.0, least)
+        return found
 
     def of_actions(
         self, stances: IntArray, branch_sets: IntArray, goal_of_state: IntArray, actions: int

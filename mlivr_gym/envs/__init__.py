@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mlivr_gym.envs.layout_tasks import LayoutTasks
     from mlivr_gym.envs.observations import Observation
     from mlivr_gym.envs.reset_options import ResetOptions
-    from mlivr_gym.envs.rewards import BaseReward, StepReward
+    from mlivr_gym.envs.rewards import CostReward
     from mlivr_gym.envs.task import Task, TaskGenerator
     from mlivr_gym.envs.tasks import TASKS, WalkTasks, sample_task
     from mlivr_gym.envs.vector_env import MlivrVectorEnv
@@ -22,14 +22,13 @@ __all__ = [
     "TASKS",
     "ActionMaskObservation",
     "Attempt",
-    "BaseReward",
+    "CostReward",
     "LayoutTasks",
     "MlivrEnv",
     "MlivrVectorEnv",
     "Observation",
     "RecordVideo",
     "ResetOptions",
-    "StepReward",
     "Task",
     "TaskGenerator",
     "WalkTasks",

@@ -51,6 +51,7 @@ ENV_ARGUMENTS: Validators = {
     **dict.fromkeys(("limits", "controller", "disturbances", "physics"), Reader(simulation_part)),
     "grasp_failure": GRASP_FAILURE,
     "grasp_failure_seed": SEED,
+    "info_regret": Flag(),
     "render_mode": OrNone(Choice(tuple(RENDER_FPS))),
     "width": WIDTH,
     "height": HEIGHT,

@@ -21,6 +21,7 @@ from mlivr_gym.envs.dynamics import check_dynamics
 from mlivr_gym.envs.grasp_failure import failure_probabilities, state_after_failure
 from mlivr_gym.envs.layout_tasks import LayoutTasks, fewest_steps
 from mlivr_gym.envs.observations import Observation
+from mlivr_gym.envs.regret import EpisodeRegret
 from mlivr_gym.envs.reset_options import ResetOptions
 from mlivr_gym.envs.rewards import REWARD, Reward, StepOutcome, TotalReward
 from mlivr_gym.envs.snapshots import Motion, action_caption, motion_at_rest, recorded_motion
@@ -156,6 +157,7 @@ class MlivrEnv(StanceGraphEnv):
     | `is_success` | whether the base is in the goal region |
     | `invalid_action`, `grasp_failed` | whether the action was invalid, or its grasp failed |
     | `fewest_steps` | with `LayoutTasks`: steps of an optimal plan from the start, -1: none |
+    | `optimal_cost`, `regret` | with `info_regret`: see `envs.regret`, infinite without a plan |
 
     With `dynamics="mujoco"` also `failure` (None, or a `recording.Failure` as a dictionary), and of
     the last step `capture_distance` [m], `capture_angle` [rad], `peak_torque`, `torque_rms` [N m],
@@ -175,7 +177,8 @@ class MlivrEnv(StanceGraphEnv):
     | `collisions` | True | whether collisions are checked; False reproduces the paper |
     | `clearance` | 0.02 | minimum distance between shapes [m] |
     | `goal_tolerance` | 0.2 | radius of the goal region [m] |
-    | `reward` | `"steps"` | `"steps"`, `"base"`, or an `envs.rewards.Reward` |
+    | `reward` | `"steps"` | `"steps"`, `"base"`, a `Cost`, or an `envs.rewards.Reward` |
+    | `info_regret` | False | whether `info` has cost-to-go and regret; for rewards by a cost |
     | `success_bonus` | 0.0 | reward added when the goal is reached |
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
     | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, `"clutter"`, or a `TaskGenerator` |
@@ -245,6 +248,7 @@ class MlivrEnv(StanceGraphEnv):
         width: int = 640,
         height: int = 360,
         cargo: Cargo | dict[str, Any] | None = None,
+        info_regret: bool = False,
     ) -> None:
         """Build the stance graph and the spaces; the class describes the arguments.
 
@@ -277,6 +281,7 @@ class MlivrEnv(StanceGraphEnv):
         if layouts:
             self.table_moves()
         self._stream, self._seeded = Stream(0), False
+        self.regret = EpisodeRegret(self) if info_regret else None
 
     @checked(ENV_ARGUMENTS)
     def reset(
@@ -310,6 +315,8 @@ class MlivrEnv(StanceGraphEnv):
             self._task_info = {"fewest_steps": fewest}
         self._enter_state(start)
         self.steps, self.base_translation = 0, 0.0
+        if self.regret is not None:
+            self._task_info = self._task_info | self.regret.start(self)
         self._record_event(
             "the start", None if executor is None else motion_at_rest(executor.configuration)
         )
@@ -337,15 +344,19 @@ class MlivrEnv(StanceGraphEnv):
             self._enter_state(made.after)
             self.base_translation += made.displacement
         success = self._distance <= self.goal_tolerance
-        outcome = StepOutcome(
-            made.displacement, before, self._distance, success, valid, self.graph.max_displacement
-        )
         reward, moved = self.reward, divmod(action, points)
+        outcome = StepOutcome(
+            made.displacement, before, self._distance, success, valid, self.graph.max_displacement,
+            state.stance_after(*moved) if moved[0] < self.graph.limbs else state.stance, moved[1],
+        )  # fmt: skip
         if made.reward is not None:
             reward = reward._replace(step_reward=made.reward)
         caption = made.caption or action_caption(self.graph, moved, valid, made.grasp_failed)
         self._record_event(caption, made.simulated)
         ended = success or made.is_end or bool(self._simulation_info.get("failure"))
+        if self.regret is not None:
+            cost = -float(self.reward.step_reward(outcome))
+            self._task_info = self._task_info | self.regret.charge(self, cost)
         info = self._info(not valid, made.grasp_failed)
         return self._observation(), float(reward(outcome)), ended, False, info
 

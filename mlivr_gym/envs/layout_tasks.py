@@ -130,11 +130,8 @@ def fewest_steps(moves: TableMoves, state: State, goal: Array, tolerance: float)
     """
     if distance(moves.stance_properties(state).base_position, goal.tolist()) <= tolerance:
         return 0
+    # The successors are asked, since a start may have a pose of its own.
     values, steps = _step_values(moves.tables, goal, tolerance), moves.successors(state)
-    after = [steps.after(state, k) for k in range(len(steps.limb))]
-    s = np.array([moves.stance_at[one.stance] for one in after])
-    branch_sets = np.array([one.branch_sets for one in after])
-    actions = moves.action_mask(state).size
-    rest = values.of_actions(s, branch_sets, np.zeros(len(s), np.int64), actions).min(axis=1)
-    fewest = 1 + np.where(values.is_goal[0, s], 0.0, rest).min()
+    s = moves.stance_at[tuple(steps.stances(state).T)]
+    fewest = 1 + values.of_states(s, steps.branch_sets, np.zeros(len(s), np.int64)).min()
     return int(fewest) if np.isfinite(fewest) else -1

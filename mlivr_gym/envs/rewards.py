@@ -1,7 +1,7 @@
 """Rewards of single and vector environments: objects that are called with an action's outcome.
 
-Any callable that takes a `StepOutcome` is a reward. The names `"steps"` and `"base"` stand for
-`StepReward()` and `BaseReward()`.
+Any callable that takes a `StepOutcome` is a reward. A `Cost` stands for `CostReward` of it, the
+names `"steps"` and `"base"` for those of the costs of these names.
 """
 
 from __future__ import annotations
@@ -10,9 +10,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.errors import SettingError, shortened
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.schema import Choice, FieldPath
 
 
@@ -35,6 +38,10 @@ class StepOutcome(NamedTuple):
     """Whether the action was valid."""
     max_displacement: float
     """Upper bound of the base displacement of one step [m]."""
+    stance: tuple[int, ...] | NDArray[Any]
+    """Points that the limbs hold if the action succeeds, shape (N,) or (k, N); any if invalid."""
+    point: int | NDArray[Any]
+    """Point that the action grasps."""
 
 
 class Reward(Protocol):
@@ -66,42 +73,44 @@ class Reward(Protocol):
 
 
 @dataclass(frozen=True)
-class StepReward:
-    """Reward of -1 for each action."""
+class CostReward:
+    """Reward of minus the cost of the action.
+
+    A failed grasp costs its step and the base displacement there and back, an invalid action a step
+    without a price whose displacement is its upper bound.
+    """
+
+    cost: Cost
+    """The cost."""
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Return -1."""
-        return -1.0
+        """Return minus the cost."""
+        metres = np.where(outcome.valid, outcome.displacement, outcome.max_displacement)
+        costs = self.cost.base_weight * metres + self.cost.step_weight
+        if self.cost.prices is not None:
+            stances = np.reshape(outcome.stance, (metres.size, -1))
+            prices = self.cost.prices_of(stances, np.atleast_1d(outcome.point))
+            costs = costs + outcome.valid * prices.reshape(metres.shape)
+        return -costs
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which `REWARD` builds this reward."""
-        return {"kind": "steps"}
-
-
-@dataclass(frozen=True)
-class BaseReward:
-    """Reward of minus the base displacement [m]; of an invalid action, of its upper bound."""
-
-    def __call__(self, outcome: StepOutcome) -> float | Array:
-        """Return minus the base displacement, or minus `max_displacement`."""
-        return -np.where(outcome.valid, outcome.displacement, outcome.max_displacement)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data from which `REWARD` builds this reward."""
-        return {"kind": "base"}
+    def to_dict(self) -> dict[str, Any] | Cost:
+        """Return plain data from which `REWARD` builds this reward; a cost of the user's itself."""
+        return {"kind": self.cost.name} if self.cost.name in REWARDS else self.cost
 
 
-REWARDS: dict[str, type[StepReward] | type[BaseReward]] = {"steps": StepReward, "base": BaseReward}
-"""Classes of rewards by name."""
+REWARDS = {name: CostReward(Cost.named(name)) for name in ("steps", "base")}
+"""Rewards by name."""
 
 
 def _read_reward(given: Any, path: FieldPath) -> Reward:
     """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
     if isinstance(name, str):
-        return REWARDS[Choice(tuple(REWARDS)).read(name, path)]()
+        return REWARDS[Choice(tuple(REWARDS)).read(name, path)]
+    if isinstance(given, Cost):
+        return CostReward(given)
     if isinstance(given, dict | type) or not callable(given):
-        raise path.refused(given, f"one of {', '.join(map(repr, REWARDS))} or a Reward")
+        raise path.refused(given, f"one of {', '.join(map(repr, REWARDS))}, a Cost or a Reward")
     reward: Reward = given
     return reward
 
@@ -127,6 +136,17 @@ class TotalReward(NamedTuple):
     """Discount of the shaping, which must be the agent's for the optimal policy to stay."""
     tolerance: float
     """Radius of the goal region [m]."""
+
+    @property
+    def cost(self) -> Cost:
+        """The cost whose negative is the reward of a step.
+
+        Raises a `SettingError` if that is an object of the user, whose cost is not known.
+        """
+        if isinstance(self.step_reward, CostReward):
+            return self.step_reward.cost
+        given = shortened(self.step_reward)
+        raise SettingError(f"reward is {given}; 'steps', 'base' or a Cost is needed here")
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""

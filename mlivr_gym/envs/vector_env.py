@@ -23,6 +23,7 @@ from mlivr_gym.envs.batch import ActionResults, SubEnvStates, TaskDistribution, 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.observations import Observation, ObservationArrays, ObservationTable
 from mlivr_gym.envs.plain_spec import PlainSpec
+from mlivr_gym.envs.regret import OptimalCosts, Regret
 from mlivr_gym.envs.rewards import StepOutcome
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.tasks import FIXED_NUMBER, WalkTasks, draw_task, fixed_task, refuse_layouts
@@ -118,6 +119,8 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
         self.steps: IntArray = np.zeros(num_envs, dtype=np.int64)
         self.base_translation: Array = np.zeros(num_envs)
         self._ended = np.ones(num_envs, dtype=np.bool_)
+        self._regret = Regret(num_envs) if self.env.regret else None
+        self._optimal_costs = OptimalCosts(self.env, num_envs) if self.env.regret else None
 
     @property
     def graph(self) -> StanceGraph:
@@ -245,8 +248,11 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
         if active.any():
             valid, longest = ~results.invalid[active], env.graph.max_displacement
             distances = (results.displacement[active], before[active], after[active])
-            outcome = StepOutcome(*distances, success[active], valid, longest)
+            tried = self.tables.points[results.after[active]], actions[active] % len(self._ids)
+            outcome = StepOutcome(*distances, success[active], valid, longest, *tried)
             reward[active] = env.reward(outcome)
+            if self._regret is not None:
+                self._regret.charge(active, -np.asarray(env.reward.step_reward(outcome)))
         terminated, truncated = success & active, active & (self.steps >= self.max_episode_steps)
         self._ended = terminated | truncated
         info = self._info(results.invalid, results.grasp_failed)
@@ -331,6 +337,13 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
         self.goals[:] = goals
         self.steps[is_reset], self.base_translation[is_reset] = 0, 0.0
         self._seeded[is_reset] = self._started[is_reset] = True
+        if self._regret is not None:
+            self._regret.start(is_reset, self._costs_to_go())
+
+    def _costs_to_go(self) -> Array:
+        """Return the costs-to-go of the present states, shape (k,)."""
+        assert self._optimal_costs is not None
+        return self._optimal_costs.of(self.tables, self.goals, self.stances, self.branch_sets)
 
     def _observe(self) -> None:
         """Compute the observations of all sub-environments."""
@@ -353,5 +366,7 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
             "invalid_action": invalid,
             "grasp_failed": failed,
         }
+        if self._regret is not None:
+            info |= self._regret.info(self._costs_to_go())
         known = np.ones((len(info), self.num_envs), dtype=np.bool_)
         return info | {f"_{name}": row for name, row in zip(info, known, strict=True)}

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 COSTS = ("base", "steps", "weighted")
 """Names of the costs."""
 
+OWN = "own"
+"""Name of every cost of the user's own, which a plan does not contain."""
+
 SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
 """Names of the kinds of swings; `"unchecked"` is one of a plan without collision checks."""
 
@@ -70,8 +73,8 @@ class Query:
     """Goal position of the base in the world [m]."""
     goal_tolerance: Annotated[float, NOT_NEGATIVE]
     """Radius of the goal region [m]."""
-    cost_name: Annotated[str, Choice(COSTS)]
-    """Name of the cost, one of `COSTS`."""
+    cost_name: Annotated[str, Choice((*COSTS, OWN))]
+    """Name of the cost, one of `COSTS`, or `"own"` for a cost of the user's own."""
     regrasp_price: Annotated[float | None, OrNone(NOT_NEGATIVE)]
     """Price of a regrasp [m] if the cost is `"weighted"`, otherwise None."""
     method: Annotated[str, NAME]
@@ -82,7 +85,12 @@ class Query:
     """Face of the map on which all limbs hold points at the goal; None for any face."""
 
     def cost_of(self, positions: Array) -> float:
-        """Return the cost of a sequence of base positions, shape (K, 3) [m]."""
+        """Return the cost of a sequence of base positions, shape (K, 3) [m].
+
+        Raises a `PlanError` if it is a cost of the user's own, which the plan does not contain.
+        """
+        if self.cost_name == OWN:
+            raise PlanError("the plan does not contain the user's own cost; plan again")
         away = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         steps = float(len(positions) - 1)
         return steps if self.cost_name == "steps" else away + steps * (self.regrasp_price or 0.0)

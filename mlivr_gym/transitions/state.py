@@ -66,6 +66,12 @@ class Successors(NamedTuple):
             ) from None
         return State(stance, tuple(self.branch_sets[k].tolist()))
 
+    def stances(self, before: State) -> IntArray:
+        """Return the stances after the steps from the state `before`, shape (k, N)."""
+        found = np.tile(np.array(before.stance, dtype=np.int64), (len(self.limb), 1))
+        found[np.arange(len(self.limb)), self.limb] = self.point
+        return found
+
     @checked(late=True)
     def take(self, kept: IntArray) -> Successors:
         """Return some of the steps, given by index or truth value."""

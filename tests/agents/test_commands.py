@@ -50,6 +50,7 @@ def test_what_is_told_are_means_over_what_reached_the_goal():
     one = Evaluation(
         np.array([True, False, True]), np.array([2, 90, 5]), np.array([1.0, 9.0, 2.5]),
         np.array([0.01, 0.02, 0.03]), np.zeros(3), np.zeros(3, dtype=int), np.full(3, np.nan),
+        np.full(3, np.nan), np.full(3, np.nan),
     )  # fmt: skip
     none = replace(one, success=np.zeros(3, dtype=bool))
     other = replace(one, success=np.array([False, True, False]))

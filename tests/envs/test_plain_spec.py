@@ -11,7 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from mlivr_gym import Limb, RobotSpec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.plain_spec import plain_value
-from mlivr_gym.envs.rewards import BaseReward
+from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.robot.limb import frames_of_dh, ur_dh
@@ -59,7 +59,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
 
 @pytest.mark.parametrize(
     ("name", "given"),
-    [("reward", "steps"), ("reward", BaseReward()), ("tasks", WalkTasks()),
+    [("reward", "steps"), ("reward", REWARDS["base"]), ("tasks", WalkTasks()),
      ("tasks", {"kind": "far"})],
 )  # fmt: skip
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TotalReward
+from mlivr_gym.envs.rewards import REWARDS, StepOutcome, TotalReward
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 
 pytestmark = pytest.mark.usefixtures("cache")
@@ -11,10 +11,10 @@ pytestmark = pytest.mark.usefixtures("cache")
 
 def test_the_edge_of_the_goal_region_belongs_to_it():
     """Exact numbers: at the tolerance the potential is 0, a little farther minus the distance."""
-    reward = TotalReward(BaseReward(), 5.0, True, 0.9, 0.25)
+    reward = TotalReward(REWARDS["base"], 5.0, True, 0.9, 0.25)
 
     def paid(before, after, success):
-        return reward(StepOutcome(0.5, before, after, success, True, 9.0))
+        return reward(StepOutcome(0.5, before, after, success, True, 9.0, (0, 1), 1))
 
     assert paid(1.0, 0.25, True) == -0.5 + 5.0 + 0.9 * 0.0 + 1.0
     assert paid(1.0, 0.75, False) == pytest.approx(-0.5 - 0.9 * 0.75 + 1.0)

@@ -12,7 +12,18 @@ from mlivr_gym import Box, Settings, State, stance_graph
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.costs import Cost
 
-COSTS = [("base", None), ("steps", None), ("weighted", 0.2)]
+
+def prices(stances, points):
+    """A user's prices: of points by their numbers, and of stances whose points lie far apart."""
+    return 0.02 * (points * 7 % 11) + 0.05 * np.ptp(stances, axis=1)
+
+
+OWN = [
+    Cost.own(0.7, 0.3, prices),
+    Cost.own(base_weight=1.0, prices=prices),
+    Cost.own(step_weight=0.5, prices=np.arange(60.0) % 7),
+]
+COSTS = [("base", None), ("steps", None), ("weighted", 0.2), *((cost, None) for cost in OWN)]
 CRATE = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 FEW, MORE = ("D1a", "F1b", "F2b"), ("D1a", "D2a", "F1b", "A1a")
 WORLDS = {
@@ -68,13 +79,24 @@ def truth(request, jem):
     return Truth(graph, lazy, states, places, np.array(edges).T, np.array(moved))
 
 
+def price_of(cost, before, after):
+    """The price of one step, its point found by what differs."""
+    (point,) = (p for old, p in zip(before, after, strict=True) if p != old)
+    if cost is OWN[2]:
+        return point % 7
+    return 0.02 * (point * 7 % 11) + 0.05 * (max(after) - min(after))
+
+
 @pytest.mark.parametrize(("name", "price"), COSTS)
 def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
     """Also of the exact cost-to-go, which checks every step."""
     graph, count, cost = truth.graph, len(truth.states), Cost.named(name, price)
     known, planner = Planner(graph), Planner(truth.lazy)
     # SciPy takes a zero for no edge; steps run backwards here.
-    weights = np.maximum(cost.base_weight * truth.moved + cost.step_weight, 1e-300)
+    paid = cost.base_weight * truth.moved + cost.step_weight
+    if cost.prices is not None:
+        paid += [price_of(cost, *(truth.states[k].stance for k in ends)) for ends in truth.ends.T]
+    weights = np.maximum(paid, 1e-300)
     steps = csr_array((weights, tuple(truth.ends[::-1])), shape=(count, count))
     rng, how, outcomes = np.random.default_rng(0), {"regrasp_price": price}, []
     how["goal_tolerance"] = 0.05

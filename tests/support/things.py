@@ -17,7 +17,7 @@ from mlivr_gym import (
     stance_graph,
 )
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.rewards import BaseReward, StepOutcome, TotalReward
+from mlivr_gym.envs.rewards import REWARDS, StepOutcome, TotalReward
 from mlivr_gym.envs.task import Task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
@@ -172,10 +172,9 @@ MAKERS = {
     "Postures": lambda of: of["TwoLimbGraph"].posture(of["State"].stance),
     "LayoutTasks": lambda of: mlivr("envs.layout_tasks").LayoutTasks(),
     "WalkTasks": lambda of: mlivr("envs.tasks").WalkTasks(),
-    "StepReward": lambda of: mlivr("envs.rewards").StepReward(),
-    "BaseReward": lambda of: BaseReward(),
-    "TotalReward": lambda of: TotalReward(BaseReward(), 1.0, False, 0.9, 0.2),
-    "StepOutcome": lambda of: StepOutcome(0.1, 1.0, 0.9, False, True, 0.5),
+    "CostReward": lambda of: REWARDS["base"],
+    "TotalReward": lambda of: TotalReward(REWARDS["base"], 1.0, False, 0.9, 0.2),
+    "StepOutcome": lambda of: StepOutcome(0.1, 1.0, 0.9, False, True, 0.5, (3, 4), 4),
     "RandomPolicy": lambda of: of.agents.RandomPolicy(),
     "Policy": lambda of: of.agents.RandomPolicy(),
     "ExpertPolicy": lambda of: of.agents.ExpertPolicy(),

@@ -11,7 +11,7 @@ from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
 from mlivr_gym.planners import Planner
-from mlivr_gym.planners.costs import COST_KINDS
+from mlivr_gym.planners.costs import COST_KINDS, Cost
 from mlivr_gym.sharing import Independent
 
 
@@ -49,7 +49,7 @@ class ReplanningPolicy(Independent):
     """
 
     @checked(COST_KINDS)
-    def __init__(self, cost: str = "steps", **options: Any) -> None:
+    def __init__(self, cost: str | Cost = "steps", **options: Any) -> None:
         """Plan with a cost, and further arguments of `Planner.plan`."""
         self._cost, self._options = cost, options
         self._planner: Planner | None = None

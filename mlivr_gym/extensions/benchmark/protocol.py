@@ -1,0 +1,91 @@
+"""The protocol of the benchmark: environments, tasks, budgets, and what a policy trains in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+
+from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.arrays import BoolArray
+from mlivr_gym.envs import MlivrEnv, Observation
+from mlivr_gym.errors import SettingError
+
+ENVIRONMENTS = ("MLIVR-JEM-v0", "MLIVR-JEM-Far-v0", "MLIVR-Random-v0")
+"""Ids of the environments."""
+
+TASKS = 200
+"""Number of held-out tasks of each environment, the fixed tasks from 0."""
+
+MAX_ACTIONS = 60
+"""Number of actions after which an episode counts as failed."""
+
+BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
+"""Environment steps that a policy may learn from on each environment; a planner learns nothing."""
+
+
+def make_env(name: str, **options: Any) -> MlivrEnv:
+    """Return an environment by its id, whose information has the regret."""
+    made = gymnasium.make(
+        f"mlivr_gym:{name}", disable_env_checker=True, info_regret=True, **options
+    )
+    assert isinstance(made.unwrapped, MlivrEnv)
+    return made.unwrapped
+
+
+class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
+    """An environment to learn in, which counts its steps and refuses more than the budget has.
+
+    Episodes are truncated after `MAX_ACTIONS`, and held-out tasks are refused. `environment_steps`
+    is the number of steps so far, labels of the expert included.
+    """
+
+    def __init__(self, env: MlivrEnv, budget: int) -> None:
+        """Wrap an environment; `budget` is the number of its steps."""
+        super().__init__(gymnasium.wrappers.TimeLimit(env, MAX_ACTIONS))
+        self.budget, self.environment_steps = budget, 0
+        self._expert, self._observation = ExpertPolicy(), {}
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode; see `MlivrEnv.reset`.
+
+        Raises a `SettingError` for a fixed task, since the fixed tasks are held out.
+        """
+        if options and options.get("task") is not None:
+            raise SettingError("fixed tasks are held out; train with seeds below 2^62")
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Take an action, which counts as a step.
+
+        Raises a `SettingError` when the budget is spent.
+        """
+        self._count()
+        return self.env.step(action)
+
+    def action_masks(self) -> BoolArray:
+        """Return which actions are valid; see `MlivrEnv.action_masks`."""
+        return self._inner.action_masks()
+
+    def expert_action(self) -> int:
+        """Return an optimal action in the present state, which counts as a step.
+
+        Raises a `SettingError` when the budget is spent.
+        """
+        self._count()
+        return self._expert.act(self._inner, {}, self.action_masks())
+
+    @property
+    def _inner(self) -> MlivrEnv:
+        """The environment without wrappers."""
+        inner = self.unwrapped
+        assert isinstance(inner, MlivrEnv)
+        return inner
+
+    def _count(self) -> None:
+        """Count a step."""
+        if self.environment_steps >= self.budget:
+            raise SettingError(f"the budget of {self.budget} environment steps is spent")
+        self.environment_steps += 1

@@ -1,0 +1,96 @@
+"""Check of an entry of the benchmark: its actions are replayed, and what it tells must follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from mlivr_gym.agents.evaluation import run_episode
+from mlivr_gym.arrays import BoolArray
+from mlivr_gym.envs import MlivrEnv, Observation
+from mlivr_gym.extensions.benchmark.entry import BenchmarkError, Entry, EpisodeRow, results_of
+from mlivr_gym.extensions.benchmark.protocol import (
+    BUDGETS,
+    ENVIRONMENTS,
+    MAX_ACTIONS,
+    TASKS,
+    make_env,
+)
+from mlivr_gym.settings import check_rules
+
+TOLERANCE = 1e-6
+"""Largest difference between a cost that is told and the replayed one."""
+
+
+class Replay:
+    """Policy that takes given actions."""
+
+    def __init__(self, actions: Iterable[int]) -> None:
+        """Take the actions."""
+        self._actions = iter(actions)
+
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the next action; a `StopIteration` if there is none."""
+        return next(self._actions)
+
+
+def check(
+    folder: str | Path, tasks: int = TASKS, progress: Callable[[int], None] | None = None
+) -> Entry:
+    """Return the entry in a folder if it adds up.
+
+    Each environment must have the first `tasks` tasks for each seed. Their actions are replayed;
+    success, cost, optimum and what the summary tells must follow. `progress` is called with the
+    number of checked episodes. Raises a `BenchmarkError` that names the first fault.
+    """
+    entry = Entry.read(folder)
+    summary, rows = entry.summary, entry.rows
+    check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
+    if summary["tasks"] != tasks:
+        raise BenchmarkError(f"the entry has {summary['tasks']} tasks; it must have {tasks}")
+    names = [name for name in ENVIRONMENTS if any(row.environment == name for row in rows)]
+    expected = list(product(names, range(summary["seeds"]), range(tasks)))
+    if [row[:3] for row in rows] != expected or not names:
+        raise BenchmarkError(
+            f"the episodes are not those of {tasks} tasks and {summary['seeds']} seeds in turn"
+        )
+    most = max(summary["environment_steps"], default=0)
+    if most > BUDGETS[summary["budget"]]:
+        raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
+    env: tuple[str, MlivrEnv] | None = None
+    for k, row in enumerate(rows):
+        if env is None or env[0] != row.environment:
+            env = row.environment, make_env(row.environment)
+        _check_row(env[1], row)
+        if progress is not None:
+            progress(k + 1)
+    _same("results", summary["results"], results_of(rows))
+    return entry
+
+
+def _check_row(env: MlivrEnv, row: EpisodeRow) -> None:
+    """Replay an episode; the error names what does not follow."""
+    place = f"{row.environment}, seed {row.seed}, task {row.task}: "
+    try:
+        found = run_episode(env, Replay(row.actions), {"task": row.task}, None, MAX_ACTIONS)
+    except StopIteration:
+        raise BenchmarkError(
+            f"{place}the episode goes on after its {len(row.actions)} actions"
+        ) from None
+    told = {"actions": len(row.actions), "success": row.success, "times": len(row.milliseconds)}
+    actions = len(found.actions)
+    _same(f"{place}end", told, {"actions": actions, "success": found.success, "times": actions})
+    for name, told_cost, cost in (
+        ("cost", row.cost, -found.total_reward),
+        ("optimum", row.optimum, found.start["optimal_cost"]),
+    ):
+        if not abs(told_cost - cost) <= TOLERANCE:
+            raise BenchmarkError(f"{place}{name} is {told_cost!r}; the replay gives {cost!r}")
+
+
+def _same(place: str, told: Any, found: Any) -> None:
+    """Refuse what is told if it differs from what was found."""
+    if told != found:
+        raise BenchmarkError(f"{place} is told as {told!r}; the replay gives {found!r}")

@@ -1,0 +1,138 @@
+"""Running a policy through the benchmark: it trains or loads, and is evaluated on all tasks."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from importlib import import_module, metadata
+from typing import Any
+
+from mlivr_gym import __version__
+from mlivr_gym.agents import Policy
+from mlivr_gym.agents.evaluation import run_episode
+from mlivr_gym.arrays import BoolArray
+from mlivr_gym.envs import MlivrEnv, Observation
+from mlivr_gym.errors import SettingError, shortened
+from mlivr_gym.extensions.benchmark.entry import Entry, EpisodeRow, results_of
+from mlivr_gym.extensions.benchmark.protocol import (
+    BUDGETS,
+    ENVIRONMENTS,
+    MAX_ACTIONS,
+    TASKS,
+    TrainingEnv,
+    make_env,
+)
+from mlivr_gym.settings import GRAPH_RULES
+
+SEEDS = 3
+"""Number of seeds with which a policy is trained."""
+
+
+class FunctionPolicy:
+    """Policy of a function of observation and mask."""
+
+    def __init__(self, function: Callable[[Observation, BoolArray], Any]) -> None:
+        """Take the function, which returns an action."""
+        self._function = function
+
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the action of the function; see `agents.Policy.act`."""
+        return int(self._function(observation, mask))
+
+
+def policy_maker(place: str) -> Callable[[], Policy]:
+    """Return a function that makes the policy of a place, `"MODULE:NAME"`.
+
+    The name is that of a function of observation and mask, or of a class without arguments that has
+    `act`, see `agents.Policy`, and may have `train(env, seed)`, whose `env` is a `TrainingEnv`. The
+    module is sought in the present folder too. Raises a `SettingError` if there is none.
+    """
+    module, _, name = place.partition(":")
+    if os.getcwd() not in sys.path:
+        sys.path.append(os.getcwd())  # last, so that no file here hides an installed module
+    try:
+        found = getattr(import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise SettingError(
+            f"policy is {shortened(place)}; it must be MODULE:NAME: {error}"
+        ) from None
+    if isinstance(found, type) and callable(getattr(found, "act", None)):
+        return found
+    if isinstance(found, type) or not callable(found):
+        raise SettingError(f"policy {place!r} is neither a function nor a class with 'act'")
+    return lambda: FunctionPolicy(found)
+
+
+def run(
+    place: str,
+    budget: str,
+    seeds: int | None = None,
+    environments: Sequence[str] = ENVIRONMENTS,
+    tasks: int = TASKS,
+    progress: Callable[[int], None] | None = None,
+) -> Entry:
+    """Train a policy, see `policy_maker`, within a budget, and return its episodes.
+
+    A policy is made anew for each environment and each of `seeds` (by default 3, and 1 for one that
+    is not trained). One that loads what was learned before says in its attribute
+    `environment_steps` from how many steps. `progress` is called with the number of finished
+    episodes. Raises a `SettingError` if an argument cannot be used or the budget is exceeded.
+    """
+    make = policy_maker(place)
+    learns = hasattr(make, "train")
+    if learns and not BUDGETS[budget]:
+        raise SettingError(f"policy {place!r} is trained; give it a budget other than {budget!r}")
+    seeds = seeds or (SEEDS if learns else 1)
+    rows: list[EpisodeRow] = []
+    spent: list[tuple[int, float]] = []
+    for name in environments:
+        env = make_env(name)
+        for seed in range(seeds):
+            began, policy = time.process_time(), make()
+            steps = _train(policy, TrainingEnv(env, BUDGETS[budget]), seed) if learns else 0
+            steps = max(steps, int(getattr(policy, "environment_steps", 0)))
+            if steps > BUDGETS[budget]:
+                raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
+            for row in _episodes(env, name, policy, seed, range(tasks)):
+                rows.append(row)
+                if progress is not None:
+                    progress(len(rows))
+            spent.append((steps, round(time.process_time() - began, 3)))
+    packages = ("gymnasium", "numba", "numpy")
+    summary = {
+        "policy": place,
+        "budget": budget,
+        "uses": "environment" if isinstance(make, type) else "observation",
+        "seeds": seeds,
+        "tasks": tasks,
+        "graph_rules": GRAPH_RULES,
+        "environment_steps": [steps for steps, _ in spent],
+        "processor_seconds": [seconds for _, seconds in spent],
+        "versions": {"mlivr-gym": __version__, "python": platform.python_version()}
+        | {name: metadata.version(name) for name in packages},
+        "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
+        "results": results_of(rows),
+    }
+    return Entry(summary, tuple(rows))
+
+
+def _train(policy: Any, env: TrainingEnv, seed: int) -> int:
+    """Train a policy, and return the number of environment steps."""
+    policy.train(env, seed)
+    return env.environment_steps
+
+
+def _episodes(
+    env: MlivrEnv, name: str, policy: Policy, seed: int, tasks: Iterable[int]
+) -> Iterable[EpisodeRow]:
+    """Yield the episodes of a policy."""
+    for task in tasks:
+        found = run_episode(env, policy, {"task": task}, None, MAX_ACTIONS)
+        times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
+        optimum = found.start["optimal_cost"]
+        yield EpisodeRow(
+            name, seed, task, found.success, -found.total_reward, optimum, found.actions, times
+        )

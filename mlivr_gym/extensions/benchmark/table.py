@@ -1,0 +1,44 @@
+"""The table of the benchmark's entries in Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mlivr_gym.extensions.benchmark.entry import Entry
+from mlivr_gym.extensions.benchmark.protocol import ENVIRONMENTS
+
+
+def markdown_table(entries: Mapping[str, Entry]) -> str:
+    """Return a table of entries by name, the best mean score first.
+
+    For each environment it has the score, with percentiles over seeds if there are several, and the
+    success; then the time a task, and steps and processor time of an environment and seed.
+    """
+    head = ["entry", "budget", "uses", *ENVIRONMENTS, "time a task [ms]", "steps", "processor [s]"]
+    rows = []
+    for name, entry in entries.items():
+        told, results = entry.summary, entry.summary["results"]
+        cells, scores, times = [], [], []
+        for env in ENVIRONMENTS:
+            one = results.get(env)
+            cells.append("" if one is None else _score(one, told["seeds"]))
+            if one is not None:
+                scores.append(one["score"])
+                times.append(one["milliseconds_a_task"])
+        mean = sum(scores) / len(ENVIRONMENTS)
+        time = f"{sum(times) / max(len(times), 1):.3g}"
+        steps = f"{max(told['environment_steps'], default=0):,}"
+        seconds = told["processor_seconds"]
+        spent = f"{sum(seconds) / max(len(seconds), 1):.3g}"
+        budget = told["budget"] if told["budget"] == "planner" else f"MLIVR-{told['budget']}"
+        rows.append((mean, [name, budget, told["uses"], *cells, time, steps, spent]))
+    rows.sort(key=lambda row: -row[0])
+    lines = [head, ["---"] * len(head), *(cells for _, cells in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _score(result: Mapping[str, object], seeds: int) -> str:
+    """Return the cell of an environment."""
+    low, high = result["score_percentiles"]  # type: ignore[misc]
+    interval = f" [{low:.3f}, {high:.3f}]" if seeds > 1 else ""
+    return f"{result['score']:.3f}{interval} ({100 * float(str(result['success'])):.0f} %)"

@@ -1,0 +1,203 @@
+"""Entries of the benchmark: made, checked by replay, refused when altered, and listed."""
+
+import csv
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.cli.main import main
+from mlivr_gym.errors import SettingError
+from mlivr_gym.extensions.benchmark import (
+    BenchmarkError,
+    Entry,
+    TrainingEnv,
+    check,
+    markdown_table,
+    protocol,
+    run,
+)
+from mlivr_gym.extensions.benchmark.protocol import make_env
+from mlivr_gym.planners import Planner
+
+pytestmark = pytest.mark.usefixtures("cache")
+ROOT = Path(__file__).parents[2]
+FAR = "MLIVR-JEM-Far-v0"
+TASKS = 6
+
+
+class Learner:
+    """Asks the expert for some labels, and then acts as the expert does."""
+
+    labels = 5
+
+    def train(self, env, seed):
+        """Learn, within the budget or not."""
+        env.reset(seed=seed)
+        for _ in range(self.labels):
+            assert env.action_masks()[env.expert_action()]
+
+    def act(self, env, observation, mask):
+        """Return the optimal action."""
+        return ExpertPolicy().act(env, observation, mask)
+
+
+class Loaded:
+    """Says what it learned from before."""
+
+    environment_steps = 2_000_000
+
+    def act(self, env, observation, mask):
+        """Return the first valid action."""
+        return int(mask.argmax())
+
+
+def first(observation, mask):
+    """Return the first valid action."""
+    return int(mask.argmax())
+
+
+@pytest.fixture(scope="module")
+def greedy(tmp_path_factory, cache):
+    """The example of the page, on a few tasks."""
+    folder = tmp_path_factory.mktemp("greedy")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        entry = run("benchmark.greedy.greedy:act", "planner", None, (FAR,), TASKS)
+    entry.write(folder)
+    return folder
+
+
+def test_optima_and_scores_are_those_of_plans(greedy):
+    """The planner's A* knows nothing of the table from which the optima come."""
+    entry, env, scores = Entry.read(greedy), make_env(FAR), []
+    planner = Planner(env.graph)
+    for row in entry.rows:
+        env.reset(options={"task": row.task})
+        plan = planner.plan(env.state, env.goal, "steps").unwrap()
+        assert row.optimum == len(plan.steps)
+        assert row.cost == len(row.actions) == len(row.milliseconds)
+        scores.append(row.success * len(plan.steps) / len(row.actions))
+    found = entry.summary["results"][FAR]
+    assert found["score"] == pytest.approx(np.mean(scores), abs=1e-6)
+    assert found["success"] == pytest.approx(np.mean([row.success for row in entry.rows]), abs=1e-6)
+    assert 0.0 < found["score"] < 1.0
+    assert (entry.summary["uses"], entry.summary["seeds"]) == ("observation", 1)
+    assert (greedy / "scores.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
+    assert check(greedy, TASKS).summary == Entry.read(greedy).summary
+    with pytest.raises(BenchmarkError, match="the entry has 6 tasks; it must have 200"):
+        check(greedy)
+    done = next(k for k, row in enumerate(Entry.read(greedy).rows) if row.success)
+
+    def row_with(**change):
+        def alter(rows, _):
+            rows[done].update(change)
+
+        return alter
+
+    def another_action(rows, _):
+        rows[done]["actions"] = " ".join(["0", *rows[done]["actions"].split()[1:]])
+
+    def one_action_less(rows, _):
+        rows[done]["actions"] = " ".join(rows[done]["actions"].split()[:-1])
+
+    def one_row_less(rows, _):
+        rows.pop()
+
+    def told(**change):
+        return lambda _, summary: summary.update(change)
+
+    results = json.loads((greedy / "summary.json").read_text())["results"]
+    better = {FAR: results[FAR] | {"score": 0.999}}
+    faults = (
+        (row_with(cost="1.0"), "cost is 1.0; the replay gives"),
+        (row_with(optimum="9.0"), "optimum is 9.0; the replay gives"),
+        (row_with(success="False"), "end is told as"),
+        (row_with(success="yes"), "cannot read"),
+        (another_action, "end is told as"),
+        (one_action_less, "goes on after its"),
+        (one_row_less, "the episodes are not those of 6 tasks and 1 seeds"),
+        (told(results=better), "results is told as"),
+        (told(graph_rules=1), "rules"),
+        (told(environment_steps=[7]), "learned from 7 steps, more than planner has"),
+        (told(budget="1G"), "budget"),
+    )
+    for alter, words in faults:
+        folder = tmp_path / "altered"
+        shutil.copytree(greedy, folder, dirs_exist_ok=True)
+        with open(folder / "episodes.csv", newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        summary = json.loads((folder / "summary.json").read_text())
+        alter(rows, summary)
+        with open(folder / "episodes.csv", "w", newline="") as stream:
+            writer = csv.DictWriter(stream, rows[0].keys())
+            writer.writeheader()
+            writer.writerows(rows)
+        (folder / "summary.json").write_text(json.dumps(summary))
+        with pytest.raises(BenchmarkError, match=re.escape(words)):
+            check(folder, TASKS)
+
+
+def test_a_learner_is_held_to_its_budget(monkeypatch, tmp_path):
+    here = f"{__name__}:Learner"
+    entry = run(here, "100k", 2, (FAR,), 2)
+    assert entry.summary["environment_steps"] == [5, 5]
+    assert entry.summary["results"][FAR]["score"] == 1.0
+    entry.write(tmp_path)
+    check(tmp_path, 2)
+    monkeypatch.setitem(protocol.BUDGETS, "100k", 4)
+    with pytest.raises(SettingError, match="the budget of 4 environment steps is spent"):
+        run(here, "100k", 1, (FAR,), 1)
+    with pytest.raises(SettingError, match="is trained; give it a budget"):
+        run(here, "planner", 1, (FAR,), 1)
+    with pytest.raises(SettingError, match="learned from 2000000 steps; 100k is less"):
+        run(f"{__name__}:Loaded", "100k", 1, (FAR,), 1)
+
+
+def test_steps_in_training_are_counted_and_held_out_tasks_refused():
+    env = TrainingEnv(make_env(FAR), 2)
+    with pytest.raises(SettingError, match="fixed tasks are held out"):
+        env.reset(options={"task": 3})
+    env.reset(seed=0)
+    env.step(int(env.action_masks().argmax()))
+    assert env.environment_steps == 1
+    env.expert_action()
+    with pytest.raises(SettingError, match="the budget of 2"):
+        env.step(0)
+
+
+def test_commands_check_and_list_entries(greedy, capsys, tmp_path):
+    rows = {"greedy": Entry.read(greedy)}
+    rows["better"] = run(f"{__name__}:Learner", "5M", 2, (FAR,), 2)
+    lines = markdown_table(rows).splitlines()
+    assert [line.split(" | ")[0] for line in lines[2:]] == ["| better", "| greedy"]
+    assert "MLIVR-5M | environment" in lines[2]
+    assert "1.000 [1.000, 1.000] (100 %)" in lines[2]
+    assert main(["benchmark", "table", str(greedy)]) == 0
+    assert capsys.readouterr().out.count("\n") == 3
+    assert main(["benchmark", "check", str(greedy)]) == 2
+    assert "it must have 200" in capsys.readouterr().err
+    for line, words in (
+        ("check", "check needs the folder of an entry"),
+        ("run", "run needs --policy, --budget, --out"),
+        (f"table {greedy} --seeds 2", "--seeds has no effect with table"),
+        (f"run {greedy}", "run takes no folders"),
+        (f"run --policy nothing:here --budget 5M --out {tmp_path}/a", "must be MODULE:NAME"),
+    ):
+        assert main(["benchmark", *line.split()]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_the_entry_in_the_repository_is_of_the_present_rules():
+    """Its replay takes a minute, so that only what is read quickly is compared here."""
+    entry = Entry.read(ROOT / "benchmark" / "greedy")
+    assert markdown_table({"greedy": entry}) in (ROOT / "docs" / "benchmark.md").read_text()
+    page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
+    assert (ROOT / "benchmark" / "greedy" / "greedy.py").read_text(encoding="utf-8") in page
