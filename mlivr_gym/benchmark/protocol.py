@@ -25,11 +25,9 @@ BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
 
-def make_env(name: str, **options: Any) -> MlivrEnv:
+def make_env(name: str) -> MlivrEnv:
     """Return an environment by its id, whose information has the regret."""
-    made = gymnasium.make(
-        f"mlivr_gym:{name}", disable_env_checker=True, info_regret=True, **options
-    )
+    made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True, info_regret=True)
     assert isinstance(made.unwrapped, MlivrEnv)
     return made.unwrapped
 
