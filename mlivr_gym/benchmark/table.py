@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from mlivr_gym.benchmark.entry import Entry
 from mlivr_gym.benchmark.protocol import ENVIRONMENTS
@@ -37,8 +38,8 @@ def markdown_table(entries: Mapping[str, Entry]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _score(result: Mapping[str, object], seeds: int) -> str:
+def _score(result: Mapping[str, Any], seeds: int) -> str:
     """Return the cell of an environment."""
-    low, high = result["score_percentiles"]  # type: ignore[misc]
+    low, high = result["score_percentiles"]
     interval = f" [{low:.3f}, {high:.3f}]" if seeds > 1 else ""
-    return f"{result['score']:.3f}{interval} ({100 * float(str(result['success'])):.0f} %)"
+    return f"{result['score']:.3f}{interval} ({100 * result['success']:.0f} %)"
