@@ -57,6 +57,14 @@ PRICES = Reader(_read_prices)
 """Validator of prices."""
 
 
+OWN_COST: Validators = {
+    "base_weight": NOT_NEGATIVE,
+    "step_weight": NOT_NEGATIVE,
+    "prices": PRICES,
+}
+"""Validators of the arguments of `Cost.own`."""
+
+
 def _read_cost(given: Any, path: FieldPath) -> Any:
     """Return a cost, given as itself or by its name."""
     return given if isinstance(given, Cost) else Choice(COSTS).read(given, path)
@@ -130,7 +138,7 @@ class Cost:
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
     @classmethod
-    @checked({"base_weight": NOT_NEGATIVE, "step_weight": NOT_NEGATIVE, "prices": PRICES})
+    @checked(OWN_COST)
     def own(
         cls,
         base_weight: float = 0.0,
@@ -148,6 +156,16 @@ class Cost:
             raise SettingError("base_weight and step_weight are both 0; one must be above 0")
         assert prices is None or callable(prices)  # it was read
         return cls(OWN, base_weight, step_weight, prices)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `rewards.REWARD` builds the reward of this cost."""
+        if self.name in ("base", "steps"):
+            return {"kind": self.name}
+        prices: Any = self.prices
+        if isinstance(prices, PointPrices):
+            prices = prices.values.tolist()
+        weights = {"base_weight": self.base_weight, "step_weight": self.step_weight}
+        return {"kind": OWN, **weights, "prices": prices}
 
     @property
     def counts_steps(self) -> bool:

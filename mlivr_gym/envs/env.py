@@ -347,7 +347,8 @@ class MlivrEnv(StanceGraphEnv):
         reward, moved = self.reward, divmod(action, points)
         outcome = StepOutcome(
             made.displacement, before, self._distance, success, valid, self.graph.max_displacement,
-            state.stance_after(*moved) if moved[0] < self.graph.limbs else state.stance, moved[1],
+            state.stance_after(*moved) if valid and moved[0] < self.graph.limbs else state.stance,
+            moved[1],
         )  # fmt: skip
         if made.reward is not None:
             reward = reward._replace(step_reward=made.reward)

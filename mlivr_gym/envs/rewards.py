@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.planners.costs import Cost
-from mlivr_gym.schema import Choice, FieldPath
+from mlivr_gym.motion.plan_parts import OWN
+from mlivr_gym.planners.costs import OWN_COST, Cost
+from mlivr_gym.schema import NAME, Choice, FieldPath, Fields
 
 
 class StepOutcome(NamedTuple):
@@ -93,9 +94,9 @@ class CostReward:
             costs = costs + outcome.valid * prices.reshape(metres.shape)
         return -costs
 
-    def to_dict(self) -> dict[str, Any] | Cost:
-        """Return plain data from which `REWARD` builds this reward; a cost of the user's itself."""
-        return {"kind": self.cost.name} if self.cost.name in REWARDS else self.cost
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `REWARD` builds this reward."""
+        return self.cost.to_dict()
 
 
 REWARDS = {name: CostReward(Cost.named(name)) for name in ("steps", "base")}
@@ -105,6 +106,9 @@ REWARDS = {name: CostReward(Cost.named(name)) for name in ("steps", "base")}
 def _read_reward(given: Any, path: FieldPath) -> Reward:
     """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
+    if name == OWN:
+        own = Fields({"kind": NAME}, OWN_COST).read(given, path)
+        return CostReward(Cost.own(**{key: own[key] for key in OWN_COST if key in own}))
     if isinstance(name, str):
         return REWARDS[Choice(tuple(REWARDS)).read(name, path)]
     if isinstance(given, Cost):

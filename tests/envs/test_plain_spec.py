@@ -14,6 +14,7 @@ from mlivr_gym.envs.plain_spec import plain_value
 from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.envs.tasks import WalkTasks
 from mlivr_gym.envs.wrappers import ActionMaskObservation
+from mlivr_gym.planners.costs import Cost
 from mlivr_gym.robot.limb import frames_of_dh, ur_dh
 from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.limits import Limits
@@ -59,7 +60,8 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
 
 @pytest.mark.parametrize(
     ("name", "given"),
-    [("reward", "steps"), ("reward", REWARDS["base"]), ("tasks", WalkTasks()),
+    [("reward", "steps"), ("reward", REWARDS["base"]),
+     ("reward", Cost.own(1.0, 0.5)), ("tasks", WalkTasks()),
      ("tasks", {"kind": "far"})],
 )  # fmt: skip
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])

@@ -6,14 +6,14 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.extensions.benchmark.entry import BenchmarkError, Entry
-    from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENTS, TrainingEnv
+    from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TrainingEnv
     from mlivr_gym.extensions.benchmark.replay import check
     from mlivr_gym.extensions.benchmark.runner import run
     from mlivr_gym.extensions.benchmark.table import markdown_table
 
 __all__ = [
     "BUDGETS",
-    "ENVIRONMENTS",
+    "ENVIRONMENT_IDS",
     "BenchmarkError",
     "Entry",
     "TrainingEnv",

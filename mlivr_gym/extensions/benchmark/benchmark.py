@@ -10,7 +10,7 @@ from mlivr_gym.cli.outputs import all_or_none, check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.benchmark.entry import EPISODES, PICTURE, SUMMARY, Entry
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENTS
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS
 from mlivr_gym.extensions.benchmark.replay import check
 from mlivr_gym.extensions.benchmark.runner import run as run_policy
 from mlivr_gym.extensions.benchmark.table import markdown_table
@@ -31,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     text = "run: number of training seeds (default: 3, or 1 for a policy that is not trained)"
     option(parser, "--seeds N", text, valid=Integer(1, 100))
     text = "run: the only environment (default: all of the benchmark)"
-    option(parser, "--environment ID", text, valid=Choice(ENVIRONMENTS))
+    option(parser, "--environment ID", text, valid=Choice(ENVIRONMENT_IDS))
     option(parser, "--out DIR", "run: folder of the entry")
 
 
@@ -69,7 +69,7 @@ def _run(args: argparse.Namespace) -> None:
     folder = Path(args.out)
     files = [folder / name for name in (SUMMARY, EPISODES, PICTURE)]
     check_outputs(*files, folder=folder)
-    names = ENVIRONMENTS if args.environment is None else (args.environment,)
+    names = ENVIRONMENT_IDS if args.environment is None else (args.environment,)
     with Progress("episodes", quiet=args.quiet) as progress:
         entry = run_policy(args.policy, args.budget, args.seeds, names, progress=progress.show)
     with all_or_none(args, folder):

@@ -17,7 +17,7 @@ import numpy as np
 
 from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENTS, MAX_ACTIONS
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, MAX_ACTIONS
 from mlivr_gym.files import read_json, write_whole, written_together
 from mlivr_gym.pictures import new_figure, save_figure
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Integer, ListOf
@@ -128,7 +128,7 @@ def _row_of(fields: dict[str, str]) -> EpisodeRow:
 def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
     """Return for each environment what is reported: means over its tasks, by seed."""
     found = {}
-    for name in ENVIRONMENTS:
+    for name in ENVIRONMENT_IDS:
         here = [row for row in rows if row.environment == name]
         if not here:
             continue
@@ -148,7 +148,7 @@ def score_figure(rows: Sequence[EpisodeRow]) -> Any:
     """Return a figure of the share of tasks by score, a line for each environment."""
     figure = new_figure(6.0, 3.6)
     axes = figure.add_subplot()
-    for name in ENVIRONMENTS:
+    for name in ENVIRONMENT_IDS:
         scores = np.sort([row.score for row in rows if row.environment == name])[::-1]
         if len(scores):
             share = 100.0 * np.arange(1, len(scores) + 1) / len(scores)

@@ -6,12 +6,15 @@ from typing import Any
 
 import gymnasium
 
-from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.agents import ExpertPolicy, Policy
+from mlivr_gym.agents.evaluation import Episode, run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError
+from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.planners.searches import GraphSearcher
 
-ENVIRONMENTS = ("MLIVR-JEM-v0", "MLIVR-JEM-Far-v0", "MLIVR-Random-v0")
+ENVIRONMENT_IDS = ("MLIVR-JEM-v0", "MLIVR-JEM-Far-v0", "MLIVR-Random-v0")
 """Ids of the environments."""
 
 TASKS = 200
@@ -24,13 +27,29 @@ BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
 
-def make_env(name: str, **options: Any) -> MlivrEnv:
-    """Return an environment by its id, whose information has the regret."""
-    made = gymnasium.make(
-        f"mlivr_gym:{name}", disable_env_checker=True, info_regret=True, **options
-    )
-    assert isinstance(made.unwrapped, MlivrEnv)
-    return made.unwrapped
+class HeldOutTasks:
+    """The held-out tasks of an environment, and the optimum of each."""
+
+    def __init__(self, name: str) -> None:
+        """Make the environment of an id."""
+        made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True).unwrapped
+        assert isinstance(made, MlivrEnv)
+        self.env = made
+        self._searcher = GraphSearcher(made.graph)
+
+    def run(self, policy: Policy, task: int) -> tuple[Episode, float]:
+        """Return the episode of a policy in a task, and the optimal cost.
+
+        The search takes a hundredth of the time of the exact cost-to-go from all states.
+        """
+        env = self.env
+        episode = run_episode(env, policy, {"task": task}, None, MAX_ACTIONS)
+        goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
+        search = SearchQuery.from_options(env.graph, goal)
+        found = self._searcher.find(search, episode.states[0])
+        assert found is not None
+        assert found.bound == 1.0
+        return episode, found.cost
 
 
 class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):

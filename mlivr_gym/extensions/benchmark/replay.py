@@ -7,17 +7,10 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from mlivr_gym.agents.evaluation import run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.extensions.benchmark.entry import BenchmarkError, Entry, EpisodeRow, results_of
-from mlivr_gym.extensions.benchmark.protocol import (
-    BUDGETS,
-    ENVIRONMENTS,
-    MAX_ACTIONS,
-    TASKS,
-    make_env,
-)
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS, HeldOutTasks
 from mlivr_gym.settings import check_rules
 
 TOLERANCE = 1e-6
@@ -50,7 +43,7 @@ def check(
     check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
     if summary["tasks"] != tasks:
         raise BenchmarkError(f"the entry has {summary['tasks']} tasks; it must have {tasks}")
-    names = [name for name in ENVIRONMENTS if any(row.environment == name for row in rows)]
+    names = [name for name in ENVIRONMENT_IDS if any(row.environment == name for row in rows)]
     expected = list(product(names, range(summary["seeds"]), range(tasks)))
     if [row[:3] for row in rows] != expected or not names:
         raise BenchmarkError(
@@ -59,22 +52,20 @@ def check(
     most = max(summary["environment_steps"], default=0)
     if most > BUDGETS[summary["budget"]]:
         raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
-    env: tuple[str, MlivrEnv] | None = None
+    held_out = {name: HeldOutTasks(name) for name in names}
     for k, row in enumerate(rows):
-        if env is None or env[0] != row.environment:
-            env = row.environment, make_env(row.environment)
-        _check_row(env[1], row)
+        _check_row(held_out[row.environment], row)
         if progress is not None:
             progress(k + 1)
     _same("results", summary["results"], results_of(rows))
     return entry
 
 
-def _check_row(env: MlivrEnv, row: EpisodeRow) -> None:
+def _check_row(held_out: HeldOutTasks, row: EpisodeRow) -> None:
     """Replay an episode; the error names what does not follow."""
     place = f"{row.environment}, seed {row.seed}, task {row.task}: "
     try:
-        found = run_episode(env, Replay(row.actions), {"task": row.task}, None, MAX_ACTIONS)
+        found, optimum = held_out.run(Replay(row.actions), row.task)
     except StopIteration:
         raise BenchmarkError(
             f"{place}the episode goes on after its {len(row.actions)} actions"
@@ -84,7 +75,7 @@ def _check_row(env: MlivrEnv, row: EpisodeRow) -> None:
     _same(f"{place}end", told, {"actions": actions, "success": found.success, "times": actions})
     for name, told_cost, cost in (
         ("cost", row.cost, -found.total_reward),
-        ("optimum", row.optimum, found.start["optimal_cost"]),
+        ("optimum", row.optimum, optimum),
     ):
         if not abs(told_cost - cost) <= TOLERANCE:
             raise BenchmarkError(f"{place}{name} is {told_cost!r}; the replay gives {cost!r}")

@@ -6,25 +6,26 @@ import os
 import platform
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
 from typing import Any
 
 from mlivr_gym import __version__
 from mlivr_gym.agents import Policy
-from mlivr_gym.agents.evaluation import run_episode
+from mlivr_gym.agents.evaluation import Episode
+from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extensions.benchmark.entry import Entry, EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
-    ENVIRONMENTS,
-    MAX_ACTIONS,
+    ENVIRONMENT_IDS,
     TASKS,
+    HeldOutTasks,
     TrainingEnv,
-    make_env,
 )
+from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
 from mlivr_gym.settings import GRAPH_RULES
 
 SEEDS = 3
@@ -66,11 +67,19 @@ def policy_maker(place: str) -> Callable[[], Policy]:
     return lambda: FunctionPolicy(found)
 
 
+@checked(
+    {
+        "budget": Choice(tuple(BUDGETS)),
+        "seeds": OrNone(Integer(1, 100)),
+        "environments": ListOf(Choice(ENVIRONMENT_IDS), 1, len(ENVIRONMENT_IDS)),
+        "tasks": Integer(1, TASKS),
+    }
+)
 def run(
     place: str,
     budget: str,
     seeds: int | None = None,
-    environments: Sequence[str] = ENVIRONMENTS,
+    environments: Sequence[str] = ENVIRONMENT_IDS,
     tasks: int = TASKS,
     progress: Callable[[int], None] | None = None,
 ) -> Entry:
@@ -89,15 +98,16 @@ def run(
     rows: list[EpisodeRow] = []
     spent: list[tuple[int, float]] = []
     for name in environments:
-        env = make_env(name)
+        held_out = HeldOutTasks(name)
         for seed in range(seeds):
             began, policy = time.process_time(), make()
-            steps = _train(policy, TrainingEnv(env, BUDGETS[budget]), seed) if learns else 0
+            training = TrainingEnv(held_out.env, BUDGETS[budget])
+            steps = _train(policy, training, seed) if learns else 0
             steps = max(steps, int(getattr(policy, "environment_steps", 0)))
             if steps > BUDGETS[budget]:
                 raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
-            for row in _episodes(env, name, policy, seed, range(tasks)):
-                rows.append(row)
+            for task in range(tasks):
+                rows.append(_row(name, seed, task, held_out.run(policy, task)))
                 if progress is not None:
                     progress(len(rows))
             spent.append((steps, round(time.process_time() - began, 3)))
@@ -125,14 +135,9 @@ def _train(policy: Any, env: TrainingEnv, seed: int) -> int:
     return env.environment_steps
 
 
-def _episodes(
-    env: MlivrEnv, name: str, policy: Policy, seed: int, tasks: Iterable[int]
-) -> Iterable[EpisodeRow]:
-    """Yield the episodes of a policy."""
-    for task in tasks:
-        found = run_episode(env, policy, {"task": task}, None, MAX_ACTIONS)
-        times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
-        optimum = found.start["optimal_cost"]
-        yield EpisodeRow(
-            name, seed, task, found.success, -found.total_reward, optimum, found.actions, times
-        )
+def _row(name: str, seed: int, task: int, result: tuple[Episode, float]) -> EpisodeRow:
+    """Return the row of an episode in a task with its optimum."""
+    found, optimum = result
+    times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
+    cost = -float(found.total_reward)
+    return EpisodeRow(name, seed, task, found.success, cost, optimum, found.actions, times)

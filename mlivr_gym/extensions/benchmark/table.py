@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from mlivr_gym.extensions.benchmark.entry import Entry
-from mlivr_gym.extensions.benchmark.protocol import ENVIRONMENTS
+from mlivr_gym.extensions.benchmark.protocol import ENVIRONMENT_IDS
 
 
 def markdown_table(entries: Mapping[str, Entry]) -> str:
@@ -14,18 +15,26 @@ def markdown_table(entries: Mapping[str, Entry]) -> str:
     For each environment it has the score, with percentiles over seeds if there are several, and the
     success; then the time a task, and steps and processor time of an environment and seed.
     """
-    head = ["entry", "budget", "uses", *ENVIRONMENTS, "time a task [ms]", "steps", "processor [s]"]
+    head = [
+        "entry",
+        "budget",
+        "uses",
+        *ENVIRONMENT_IDS,
+        "time a task [ms]",
+        "steps",
+        "processor [s]",
+    ]
     rows = []
     for name, entry in entries.items():
         told, results = entry.summary, entry.summary["results"]
         cells, scores, times = [], [], []
-        for env in ENVIRONMENTS:
+        for env in ENVIRONMENT_IDS:
             one = results.get(env)
             cells.append("" if one is None else _score(one, told["seeds"]))
             if one is not None:
                 scores.append(one["score"])
                 times.append(one["milliseconds_a_task"])
-        mean = sum(scores) / len(ENVIRONMENTS)
+        mean = sum(scores) / len(ENVIRONMENT_IDS)
         time = f"{sum(times) / max(len(times), 1):.3g}"
         steps = f"{max(told['environment_steps'], default=0):,}"
         seconds = told["processor_seconds"]
@@ -37,8 +46,8 @@ def markdown_table(entries: Mapping[str, Entry]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _score(result: Mapping[str, object], seeds: int) -> str:
+def _score(result: Mapping[str, Any], seeds: int) -> str:
     """Return the cell of an environment."""
-    low, high = result["score_percentiles"]  # type: ignore[misc]
+    low, high = result["score_percentiles"]
     interval = f" [{low:.3f}, {high:.3f}]" if seeds > 1 else ""
-    return f"{result['score']:.3f}{interval} ({100 * float(str(result['success'])):.0f} %)"
+    return f"{result['score']:.3f}{interval} ({100 * result['success']:.0f} %)"

@@ -6,6 +6,7 @@ import re
 import shutil
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -21,8 +22,7 @@ from mlivr_gym.extensions.benchmark import (
     protocol,
     run,
 )
-from mlivr_gym.extensions.benchmark.protocol import make_env
-from mlivr_gym.planners import Planner
+from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
 
 pytestmark = pytest.mark.usefixtures("cache")
 ROOT = Path(__file__).parents[2]
@@ -72,16 +72,15 @@ def greedy(tmp_path_factory, cache):
     return folder
 
 
-def test_optima_and_scores_are_those_of_plans(greedy):
-    """The planner's A* knows nothing of the table from which the optima come."""
-    entry, env, scores = Entry.read(greedy), make_env(FAR), []
-    planner = Planner(env.graph)
+def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):
+    """The exact cost-to-go shares no search with the A* from which the optima come."""
+    entry, scores = Entry.read(greedy), []
+    env = gymnasium.make(FAR, info_regret=True, disable_env_checker=True)
     for row in entry.rows:
-        env.reset(options={"task": row.task})
-        plan = planner.plan(env.state, env.goal, "steps").unwrap()
-        assert row.optimum == len(plan.steps)
+        _, info = env.reset(options={"task": row.task})
+        assert row.optimum == info["optimal_cost"]
         assert row.cost == len(row.actions) == len(row.milliseconds)
-        scores.append(row.success * len(plan.steps) / len(row.actions))
+        scores.append(row.success * info["optimal_cost"] / len(row.actions))
     found = entry.summary["results"][FAR]
     assert found["score"] == pytest.approx(np.mean(scores), abs=1e-6)
     assert found["success"] == pytest.approx(np.mean([row.success for row in entry.rows]), abs=1e-6)
@@ -162,7 +161,7 @@ def test_a_learner_is_held_to_its_budget(monkeypatch, tmp_path):
 
 
 def test_steps_in_training_are_counted_and_held_out_tasks_refused():
-    env = TrainingEnv(make_env(FAR), 2)
+    env = TrainingEnv(HeldOutTasks(FAR).env, 2)
     with pytest.raises(SettingError, match="fixed tasks are held out"):
         env.reset(options={"task": 3})
     env.reset(seed=0)
