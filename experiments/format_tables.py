@@ -10,7 +10,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from mlivr_gym.robot.chain_limb import CHAIN_LIMB
 from reports import table
 
 import mlivr_gym.robot.json_schema  # registers its kinds, as does the next
@@ -69,8 +68,6 @@ MEANINGS = {
     "axis": "Axis along which the bar runs.",
     "bar_min": "Lower corner of the bar alone, without its posts.",
     "bar_max": "Upper corner of the bar alone.",
-    **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), "Length of the standard DH convention."),
-    "d0": "From the mount along the axis of joint 1 to that of joint 2.",
     "min": "Lower corner.",
     "max": "Upper corner.",
     "format": f"Version of the format, {FORMAT}.",
@@ -186,8 +183,7 @@ def tables() -> dict[str, str]:
         "fields_robot": "\n".join(
             (
                 fields(robot),
-                fields(LIMB, title="A limb of the UR family, three parallel axes:"),
-                fields(CHAIN_LIMB, title="A limb told by the frames of its links:"),
+                fields(LIMB, title="A limb:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),
