@@ -68,8 +68,6 @@ MEANINGS = {
     "axis": "Axis along which the bar runs.",
     "bar_min": "Lower corner of the bar alone, without its posts.",
     "bar_max": "Upper corner of the bar alone.",
-    **dict.fromkeys(("d1", "a2", "a3", "d4", "d5", "d6"), "Length of the standard DH convention."),
-    "d0": "From the mount along the axis of joint 1 to that of joint 2.",
     "min": "Lower corner.",
     "max": "Upper corner.",
     "format": f"Version of the format, {FORMAT}.",
@@ -185,7 +183,7 @@ def tables() -> dict[str, str]:
         "fields_robot": "\n".join(
             (
                 fields(robot),
-                fields(LIMB, title="A limb, told by the frames of its links:"),
+                fields(LIMB, title="A limb:"),
                 fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),
