@@ -2,6 +2,7 @@ import json
 import os
 import shlex
 import sys
+from dataclasses import replace
 
 if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
     os.environ.setdefault("MUJOCO_GL", "egl")  # before any test imports mujoco
@@ -20,7 +21,7 @@ from time_limit import MOST, time_limit
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, plan_of
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
 # No deadline, nor a complaint that drawing is slow: the first compiles machine code, and a machine
@@ -105,18 +106,31 @@ def checked_graph(jem):
     return shared(stance_graph(jem))
 
 
+def plan_along(graph, goal, *stances):
+    """One of the plans of the fewest steps, by its stances: which is found is of no matter."""
+    found = Planner(graph).plan(stances[0], goal, "steps").unwrap()
+    assert len(found.stances) == len(stances)
+    states = graph.states_along(graph.state(stances[0]), [graph.indices(s) for s in stances[1:]])
+    along = plan_of(graph, states, np.array(goal), found.query.goal_tolerance, "astar")
+    return replace(found, motion=along.motion)
+
+
 @pytest.fixture(scope="session")
 def walk(checked_graph):
     """The README's plan: four steps from deck to overhead."""
-    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
-    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
+    return plan_along(
+        checked_graph, (6.0, 0.0, 0.42), ("D2a:4", "D2b:4"), ("A3b:3", "D2b:4"),
+        ("A3b:3", "A5a:8"), ("O5b:8", "A5a:8"), ("O5b:8", "O5b:0"),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
 def plan(checked_graph):
     """A plan of more steps."""
-    start, goal = ("D2a:4", "D1b:3"), (6.3, 0.5, 0.35)
-    return Planner(checked_graph).plan(start, goal, "steps").unwrap()
+    return plan_along(
+        checked_graph, (6.3, 0.5, 0.35), ("D2a:4", "D1b:3"), ("D2a:4", "A3a:2"),
+        ("A4a:8", "A3a:2"), ("A4a:8", "A5a:8"), ("A6a:8", "A5a:8"), ("A6a:8", "A6a:4"),
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")

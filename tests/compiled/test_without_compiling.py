@@ -18,16 +18,12 @@ ROOT = Path(__file__).parent.parent.parent
 QUICK = (
     "compiled/test_kernels.py::test_in_parallel_covers_every_item_once",
     "kinematics/test_poses.py",
-    "kinematics/test_turns.py::test_on_lines_joints_turn_as_far_as_the_longer_one",
+    "kinematics/test_base_path.py",
     "kinematics/test_families.py::test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches",
     "transitions/test_rule.py",
 )
 
-NAMED_LIKE_NUMPY = (
-    "compiled/test_records.py",
-    "kinematics/test_certificate.py::test_branches_are_certified_each_as_if_alone",
-    "kinematics/test_holding.py::test_joint_limits_take_branches_away",
-)
+NAMED_LIKE_NUMPY = ("compiled/test_records.py",)
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
 
