@@ -194,8 +194,12 @@ class Limb:
         """Refuse axes that no limb can have, by a `RobotError`."""
         first, last = self.steps[0], self.steps[5]
         if max(*np.abs(first[:2, 3]), *np.abs(first[:2, 2])) > SAME_LINE or first[2, 2] < 0.0:
-            raise place.field("origins").entry(0).fault(
-                "and its quaternion put joint 1 beside the z axis of the base, or against it"
+            raise (
+                place.field("origins")
+                .entry(0)
+                .fault(
+                    "and its quaternion put joint 1 beside the z axis of the base, or against it"
+                )
             )
         if float(np.hypot(*last[:2, 2])) < LEAST_SINE:
             raise place.field("quaternions").fault(
