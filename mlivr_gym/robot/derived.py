@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -100,9 +101,11 @@ class DerivedFigures:
 
         Joint k of limb i of another robot is `"limb{i}/joint{k}"`.
         """
-        return self.joint_names or tuple(
-            tuple(f"limb{i}/joint{k}" for k in range(1, 7)) for i in range(self.limbs)
-        )
+        return self.joint_names or usual_joints(self.limbs)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the description as plain data."""
+        raise NotImplementedError
 
     @property
     def every_limb(self) -> tuple[Limb, ...]:
@@ -235,6 +238,11 @@ class DerivedFigures:
             given = "given with the robot" if mount.dynamics is not None else None
             told.append(given or (f"those of the {arm}, by its lengths" if arm else "not known"))
         return told[0] if len(set(told)) == 1 else "; ".join(told)
+
+
+def usual_joints(limbs: int) -> tuple[tuple[str, ...], ...]:
+    """Return the names of the joints of limbs that are read from no file."""
+    return tuple(tuple(f"limb{i}/joint{k}" for k in range(1, 7)) for i in range(limbs))
 
 
 def _on_base(mount: Mount, limb: Limb) -> Mount:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -20,6 +21,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.file_meshes import BodyMesh, Meshes
+from mlivr_gym.robot.file_options import FileOptions
 from mlivr_gym.robot.limb import FARTHEST_TURN
 from mlivr_gym.robot.rigid import PAIRS
 
@@ -29,6 +31,9 @@ SPEED_LIMITS = "speed_limits"
 PLANNING = "mlivr_gym"
 """Name of the `<text>` of an MJCF file, and of the element of a URDF file, with the robot that this
 package wrote, as JSON."""
+
+DIGEST = "digest"
+"""Name of the digest of the rest of the file in it."""
 
 LEAST_MASS = 1e-12
 """Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
@@ -70,24 +75,15 @@ class Description(NamedTuple):
     """What was repaired, in words."""
 
 
-def read_description(
-    path: Path,
-    tree: ElementTree.Element,
-    package_dirs: Sequence[str | Path] = (),
-    speeds: float | Sequence[float] | None = None,
-    torques: float | Sequence[float] | None = None,
-    with_shapes: bool = True,
-) -> Description:
+def read_description(path: Path, tree: ElementTree.Element, options: FileOptions) -> Description:
     """Read a file as URDF or as MJCF, by its elements, which are changed.
 
-    Packages of `package://` names are looked for in `package_dirs` and in the folders above the
-    file. Largest speeds [rad/s] and torques [N m] that are given, one for all joints or one for
-    each in the order of the file, replace those of the file. Meshes of collision shapes are read
-    only `with_shapes`. Raises a `RobotError` if the file cannot be read, or holds a loop or a joint
-    that is no hinge.
+    Packages of `package://` names are looked for in the folders above the file, too. Meshes of
+    collision shapes are read only if the caller gives no capsules. Raises a `RobotError` if the
+    file cannot be read, or holds a loop or a joint that is no hinge.
     """
     found: dict[str, float] = {}
-    meshes = Meshes(path.parent, [*map(Path, package_dirs), *path.resolve().parents])
+    meshes = Meshes(path.parent, [*map(Path, options.package_dirs), *path.resolve().parents])
     try:
         if tree.tag == "robot":
             found = _prepare_urdf(tree)
@@ -97,7 +93,7 @@ def read_description(
             spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
         _check_joints(spec)
         notes = _repaired_inertias(spec)
-        meshes.take_out(spec, with_shapes)
+        meshes.take_out(spec, options.capsules is None)
         spec.compiler.fusestatic = False
         spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
         model = spec.compile()
@@ -111,7 +107,7 @@ def read_description(
         address = model.jnt_qposadr[joint]
         data.qpos[address : address + 7] = model.qpos0[address : address + 7]
     mujoco.mj_kinematics(model, data)
-    joints = _joint_data(model, found, (speeds, torques))
+    joints = _joint_data(model, found, (options.speed_limits, options.torque_limits))
     if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
         endless = (-FARTHEST_TURN, FARTHEST_TURN)
         joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
@@ -121,20 +117,32 @@ def read_description(
     )  # fmt: skip
 
 
-def written_in(tree: ElementTree.Element) -> dict[str, Any]:
-    """Return the plain data of the robot that a file of this package has, empty if none."""
-    text = tree.findtext(PLANNING) or ""
-    for entry in tree.findall("custom/text"):
-        text = entry.get("data", "") if entry.get("name") == PLANNING else text
+def written_in(tree: ElementTree.Element) -> tuple[dict[str, Any], bool]:
+    """Return the plain data of the robot that a file of this package has, empty if none.
+
+    Also whether the file is as it was written. The data are taken out of its elements.
+    """
+    text = ""
+    for parent in (tree, *tree.findall("custom")):
+        for entry in list(parent):
+            if entry.tag == PLANNING or (entry.tag == "text" and entry.get("name") == PLANNING):
+                text = entry.get("data") or entry.text or ""
+                parent.remove(entry)
     if not text:
-        return {}
+        return {}, False
     try:
         fields = json.loads(text)
     except (ValueError, RecursionError):
         fields = None
     if not isinstance(fields, dict):
         raise RobotError(f"the text {PLANNING!r} of the file is not a JSON object")
-    return fields
+    return fields, fields.pop(DIGEST, None) == digest_of(tree)
+
+
+def digest_of(tree: ElementTree.Element) -> str:
+    """Return a digest of the elements of a file, the white space between them aside."""
+    text = ElementTree.tostring(tree, encoding="unicode")
+    return sha256(ElementTree.canonicalize(text, strip_text=True).encode()).hexdigest()
 
 
 def _prepare_urdf(tree: ElementTree.Element) -> dict[str, float]:

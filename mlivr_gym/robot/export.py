@@ -9,24 +9,21 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import RobotError
 from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.description import PLANNING, SPEED_LIMITS
+from mlivr_gym.robot.derived import DerivedFigures
+from mlivr_gym.robot.description import DIGEST, PLANNING, SPEED_LIMITS, digest_of
 from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
 from mlivr_gym.values import as_triple
 
-if TYPE_CHECKING:
-    from mlivr_gym.robot.specification import RobotSpec
 
-
-def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
+def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     """Return a robot as MJCF, a body that floats without gravity.
 
     It is written to a file if one is named. Raises a `RobotError` if its masses are not known, and
@@ -73,11 +70,12 @@ def as_mjcf(robot: RobotSpec, path: str | Path | None = None) -> str:
     custom = _sub(root, "custom")
     speeds = [link.joint.speed for link in links if link.joint is not None]
     _sub(custom, "numeric", name=SPEED_LIMITS, size=str(len(speeds)), data=_text(speeds))
-    _sub(custom, "text", name=PLANNING, data=_fields(robot))
+    fields = _fields(robot, root)
+    _sub(custom, "text", name=PLANNING, data=fields)
     return _written(root, path)
 
 
-def as_urdf(robot: RobotSpec, path: str | Path | None = None) -> str:
+def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
     """Return a robot as URDF, whose capsules are those of URDF 1.2; arguments as in `as_mjcf`."""
     root = ElementTree.Element("robot", name=robot.name, version="1.2")
     for link in _links(robot):
@@ -109,11 +107,12 @@ def as_urdf(robot: RobotSpec, path: str | Path | None = None) -> str:
             _sub(joint, "origin", xyz=_text((0.0, 0.0, robot.tool_length)), rpy="0 0 0")
             _sub(joint, "parent", link=link.name)
             _sub(joint, "child", link=grasp)
-    _sub(root, PLANNING).text = _fields(robot)
+    fields = _fields(robot, root)
+    _sub(root, PLANNING).text = fields
     return _written(root, path)
 
 
-def _links(robot: RobotSpec) -> Iterator[RobotLink]:
+def _links(robot: DerivedFigures) -> Iterator[RobotLink]:
     """Yield the links of a robot, each after the one that carries it."""
     held = () if robot.cargo is None else robot.cargo.limb_capsules
     locked = tuple(
@@ -125,9 +124,9 @@ def _links(robot: RobotSpec) -> Iterator[RobotLink]:
         yield from limb_links(robot, i, robot.dynamics_of(i))
 
 
-def _fields(robot: RobotSpec) -> str:
-    """Return the robot as JSON: neither format has all that there is of it."""
-    return json.dumps(robot.to_dict())
+def _fields(robot: DerivedFigures, root: ElementTree.Element) -> str:
+    """Return the robot as JSON, of which neither format has all, with a digest of the rest."""
+    return json.dumps(robot.to_dict() | {DIGEST: digest_of(root)})
 
 
 def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
@@ -188,16 +187,3 @@ def _written(root: ElementTree.Element, path: str | Path | None) -> str:
     if path is not None:
         write_whole(path, text)
     return text
-
-
-def is_as_written(robot: RobotSpec, tree: ElementTree.Element) -> bool:
-    """Return whether a file, by its elements, is what this package writes of a robot."""
-    try:
-        text = as_urdf(robot) if tree.tag == "robot" else as_mjcf(robot)
-    except RobotError:  # its masses are not known
-        return False
-    one, other = (
-        ElementTree.canonicalize(some, strip_text=True)
-        for some in (text, ElementTree.tostring(tree, encoding="unicode"))
-    )
-    return one == other

@@ -99,8 +99,8 @@ def limb_of(
         capsules, excess = options.capsules, {}
     seen = tuple(
         mesh.seen_from(link, inverse(frame) @ tree.frame(body))
-        for link, bodies, frame in parts.on(frames)
-        for body in bodies
+        for link, members, frame in parts.on(frames)
+        for body in members
         for mesh in file.visuals.get(body, ())
     )
     dynamics = _dynamics(tree, parts, options, frames, notes)
@@ -191,7 +191,7 @@ def _dynamics(
     What is missing is added to the notes, and what is assumed.
     """
     file, joints = tree.file, [tree.file.joints[joint] for joint in parts.arm.moving]
-    masses = [joined(tree, bodies, frame) for _, bodies, frame in parts.on(frames)][:6]
+    masses = [joined(tree, members, frame) for _, members, frame in parts.on(frames)][:6]
     masses.append(joined(tree, (*parts.links[5], *parts.gripper), frames[6]))
     bare = [
         tree.name(int(file.model.jnt_bodyid[joint]))

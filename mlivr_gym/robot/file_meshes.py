@@ -78,8 +78,8 @@ class Meshes:
             said = visual.find("material")
             colour = None
             if said is not None:
-                own = said.find("color")
-                colour = colours.get(said.get("name")) if own is None else own
+                color = said.find("color")
+                colour = colours.get(said.get("name")) if color is None else color
                 visual.remove(said)
             rgba = UNSAID if colour is None else colour.get("rgba", UNSAID)
             material = ElementTree.SubElement(visual, "material", name="")

@@ -134,10 +134,10 @@ def tilt_of(tree: Tree, parts: LimbParts) -> str:
     )
 
 
-def joined(tree: Tree, bodies: Iterable[int], frame: Array) -> RigidBody:
+def joined(tree: Tree, members: Iterable[int], frame: Array) -> RigidBody:
     """Return bodies of a file as one, as seen from a frame of the world, shape (4, 4)."""
     model, data, parts = tree.model, tree.file.data, []
-    for body in bodies:
+    for body in members:
         mass = float(model.body_mass[body])
         if mass > 2.0 * LEAST_MASS:
             place = rigid(data.ximat[body].reshape(3, 3), data.xipos[body])
@@ -198,10 +198,10 @@ def _moved_by(tree: Tree, moved: list[int], link: int) -> tuple[int, ...]:
     )
 
 
-def _behind(tree: Tree, last: int, bodies: tuple[int, ...]) -> tuple[int, ...]:
+def _behind(tree: Tree, last: int, members: tuple[int, ...]) -> tuple[int, ...]:
     """Return those of some bodies behind the last link that have shapes, and what they carry."""
-    first = {body for body in bodies if body != last and solid_geoms(tree.model, body)}
-    return tuple(body for body in bodies if first & set(tree.carriers(body)))
+    first = {body for body in members if body != last and solid_geoms(tree.model, body)}
+    return tuple(body for body in members if first & set(tree.carriers(body)))
 
 
 def foot(axes: Array, anchors: Array, k: int, other: int) -> Array:

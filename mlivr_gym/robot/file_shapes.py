@@ -34,12 +34,12 @@ def solid_geoms(model: Any, body: int) -> list[int]:
     ]
 
 
-def solids(tree: Tree, bodies: Iterable[int], frame: Array) -> list[Hull]:
+def solids(tree: Tree, members: Iterable[int], frame: Array) -> list[Hull]:
     """Return the collision shapes of bodies in a frame of the world, shape (4, 4)."""
     model, data = tree.model, tree.file.data
     turn, origin = frame[:3, :3].T, frame[:3, 3]
     out = []
-    for geom in (geom for body in bodies for geom in solid_geoms(model, body)):
+    for geom in (geom for body in members for geom in solid_geoms(model, body)):
         solid = solid_of(model, geom)
         if solid is not None:
             rotation = data.geom_xmat[geom].reshape(3, 3)

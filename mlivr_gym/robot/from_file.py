@@ -16,8 +16,8 @@ import numpy as np
 from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
+from mlivr_gym.robot.derived import usual_joints
 from mlivr_gym.robot.description import Description, read_description, written_in
-from mlivr_gym.robot.export import is_as_written
 from mlivr_gym.robot.file_arms import Tree, arms_of, with_held_joints
 from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
@@ -89,18 +89,12 @@ def read_robot(path: str | Path, **options: Any) -> RobotFile:
 
 def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: bool) -> RobotFile:
     """Read a robot by what a caller says and by the fields that a caller gives."""
-    from mlivr_gym.robot.specification import RobotSpec
-
     tree = read_tree(path)
-    written = written_in(tree)
-    if written and not is_told:
-        robot = RobotSpec.from_dict(written)
-        if is_as_written(robot, tree):
-            return RobotFile(written | fields, robot.named_joints)
-    file = read_description(
-        path, tree, options.package_dirs, options.speed_limits, options.torque_limits,
-        options.capsules is None,
-    )  # fmt: skip
+    written, is_as_written = written_in(tree)
+    if is_as_written and not is_told:
+        usual = usual_joints(len(written["mounts"] or ()) or written["limbs"])
+        return RobotFile(written | fields, written.get("joint_names") or usual)
+    file = read_description(path, tree, options)
     links = Tree(file)
     arms = arms_of(links, options.tips, options.tool_frame)
     arms = with_held_joints(links, arms, options.held_joint, options.held_angle)

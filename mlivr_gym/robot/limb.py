@@ -194,8 +194,12 @@ class Limb:
         """Refuse axes that no limb can have, by a `RobotError`."""
         first, last = self.steps[0], self.steps[5]
         if max(*np.abs(first[:2, 3]), *np.abs(first[:2, 2])) > SAME_LINE or first[2, 2] < 0.0:
-            raise place.field("origins").entry(0).fault(
-                "and its quaternion put joint 1 beside the z axis of the base, or against it"
+            raise (
+                place.field("origins")
+                .entry(0)
+                .fault(
+                    "and its quaternion put joint 1 beside the z axis of the base, or against it"
+                )
             )
         if float(np.hypot(*last[:2, 2])) < LEAST_SINE:
             raise place.field("quaternions").fault(
@@ -314,8 +318,10 @@ class Limb:
             start = np.array(self.window_starts)
         else:
             # Of those a turn apart the one closest to the middle of the limits.
-            ends = [self._as_ur(WINDOW_STARTS), self._as_ur(np.add(WINDOW_STARTS, turn))]
-            start = np.full(6, -np.pi) if ends[0] is None else np.minimum(*ends)
+            starts, ends = (self._as_ur(np.add(WINDOW_STARTS, more)) for more in (0.0, turn))
+            start = np.full(6, -np.pi)
+            if starts is not None and ends is not None:
+                start = np.minimum(starts, ends)
             start = start + turn * np.rint((0.5 * (low + high) - start - np.pi) / turn)
         start = np.clip(start, low, np.maximum(low, high - turn))
         return np.stack([start, np.minimum(start + turn, high)], axis=1)
@@ -383,9 +389,11 @@ class Limb:
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
         rows: Array = np.asarray(moving, dtype=np.float64)
-        if self.held_joint is None:
-            return rows
-        return np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
+        return (
+            rows
+            if self.held_joint is None
+            else np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
+        )
 
 
 @lru_cache(maxsize=8)
