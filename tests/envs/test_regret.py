@@ -18,6 +18,12 @@ from mlivr_gym.planners.costs import Cost
 pytestmark = pytest.mark.usefixtures("cache")
 
 
+@pytest.fixture(scope="module")
+def few(small_map):
+    """Half of the points, so that all states are soon known to NetworkX."""
+    return small_map.subset(np.arange(len(small_map)) % 2 == 0, "few")
+
+
 def prices(stances, points):
     """A user's prices, by numbers of points."""
     return 0.1 * (points % 5) + 0.01 * stances.sum(axis=1)
@@ -46,8 +52,8 @@ REWARDS = ["steps", "base", Cost.own(0.5, 0.2, prices)]
 
 
 @pytest.mark.parametrize("reward", REWARDS)
-def test_cost_to_go_and_regret_are_those_of_another_library(small_map, reward):
-    env = MlivrEnv(map=small_map, collisions=False, reward=reward, info_regret=True)
+def test_cost_to_go_and_regret_are_those_of_another_library(few, reward):
+    env = MlivrEnv(map=few, collisions=False, reward=reward, info_regret=True)
     rng, net, wasted = np.random.default_rng(0), None, 0
     for seed in range(4):
         _, info = env.reset(seed=seed)
@@ -71,7 +77,7 @@ def test_cost_to_go_and_regret_are_those_of_another_library(small_map, reward):
             wasted += info["regret"] > 1e-6
             if over:
                 break
-    assert wasted > 5
+    assert wasted > 2
 
 
 @pytest.mark.parametrize("reward", REWARDS)

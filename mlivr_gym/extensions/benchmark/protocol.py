@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import gymnasium
+import numpy as np
 
 from mlivr_gym.agents import ExpertPolicy, Policy
 from mlivr_gym.agents.evaluation import Episode, run_episode
@@ -63,7 +64,7 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         """Wrap an environment; `budget` is the number of its steps."""
         super().__init__(gymnasium.wrappers.TimeLimit(env, MAX_ACTIONS))
         self.budget, self.environment_steps = budget, 0
-        self._expert, self._observation = ExpertPolicy(), {}
+        self._expert = ExpertPolicy()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -94,7 +95,8 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         Raises a `SettingError` when the budget is spent.
         """
         self._count()
-        return self._expert.act(self._inner, {}, self.action_masks())
+        costs = self._expert.costs(self._inner)
+        return int(np.argmax(costs <= costs.min() + 1e-9))
 
     @property
     def _inner(self) -> MlivrEnv:
