@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mlivr_gym.arguments import NOT_NEGATIVE, Reader, Validators, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.motion.plan_parts import COSTS, OWN
+from mlivr_gym.motion.plan_parts import COSTS, CUSTOM
 from mlivr_gym.schema import Choice, FieldPath, ListOf, OrNone, Tuples
 from mlivr_gym.values import MAX_POINTS
 
@@ -57,12 +57,12 @@ PRICES = Reader(_read_prices)
 """Validator of prices."""
 
 
-OWN_COST: Validators = {
+CUSTOM_COST: Validators = {
     "base_weight": NOT_NEGATIVE,
     "step_weight": NOT_NEGATIVE,
     "prices": PRICES,
 }
-"""Validators of the arguments of `Cost.own`."""
+"""Validators of the arguments of `Cost.custom`."""
 
 
 def _read_cost(given: Any, path: FieldPath) -> Any:
@@ -106,11 +106,11 @@ class Cost:
 
     >>> from mlivr_gym import jem_map
     >>> on_deck = np.array([face == "deck" for face in jem_map().faces])
-    >>> cost = Cost.own(base_weight=1.0, prices=0.5 * on_deck)
+    >>> cost = Cost.custom(base_weight=1.0, prices=0.5 * on_deck)
     """
 
     name: str = "base"
-    """`"base"`, `"steps"`, `"weighted"` or `"own"`."""
+    """`"base"`, `"steps"`, `"weighted"` or `"custom"`."""
     base_weight: float = 1.0
     """Weight of the base displacement [1/m]."""
     step_weight: float = 0.0
@@ -138,8 +138,8 @@ class Cost:
         return cls(cost, float(cost == "base"), float(cost == "steps"))
 
     @classmethod
-    @checked(OWN_COST)
-    def own(
+    @checked(CUSTOM_COST)
+    def custom(
         cls,
         base_weight: float = 0.0,
         step_weight: float = 0.0,
@@ -155,7 +155,7 @@ class Cost:
         if not base_weight + step_weight > 0.0:
             raise SettingError("base_weight and step_weight are both 0; one must be above 0")
         assert prices is None or callable(prices)  # it was read
-        return cls(OWN, base_weight, step_weight, prices)
+        return cls(CUSTOM, base_weight, step_weight, prices)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data from which `rewards.REWARD` builds the reward of this cost."""
@@ -165,7 +165,7 @@ class Cost:
         if isinstance(prices, PointPrices):
             prices = prices.values.tolist()
         weights = {"base_weight": self.base_weight, "step_weight": self.step_weight}
-        return {"kind": OWN, **weights, "prices": prices}
+        return {"kind": CUSTOM, **weights, "prices": prices}
 
     @property
     def counts_steps(self) -> bool:

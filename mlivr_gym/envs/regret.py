@@ -20,7 +20,6 @@ from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
-    from mlivr_gym.envs.env import MlivrEnv
     from mlivr_gym.stances.step_tables import StepTables
     from mlivr_gym.transitions.state import State
 
@@ -54,7 +53,7 @@ class OptimalCosts:
     Where grasps may fail they are expected costs, as those of `ExpertPolicy`.
     """
 
-    def __init__(self, env: MlivrEnv, k: int) -> None:
+    def __init__(self, env: Any, k: int) -> None:
         """Prepare for the cost and the goal region of an environment.
 
         Raises a `SettingError` if its reward is an object of the user, whose cost is not known.
@@ -79,7 +78,7 @@ class OptimalCosts:
             found[k] = stored[1].of_states(stances[k : k + 1], branch_sets[k : k + 1], first)[0]
         return found
 
-    def of_state(self, env: MlivrEnv, state: State) -> float:
+    def of_state(self, env: Any, state: State) -> float:
         """Return the cost-to-go of a state; a start in a pose of its own is taken not to fail."""
         moves = env.table_moves()
         if state.pose is not None:
@@ -94,12 +93,12 @@ class OptimalCosts:
 class CostBounds:
     """Lower bounds of the cost-to-go of three or more limbs."""
 
-    def __init__(self, env: MlivrEnv) -> None:
+    def __init__(self, env: Any) -> None:
         """Prepare for the cost of an environment; errors are those of `OptimalCosts`."""
         self._cost = env.reward.cost
         self._bounds = None if env.graph.table is None else LowerBounds(env.graph)
 
-    def of_state(self, env: MlivrEnv, state: State) -> float:
+    def of_state(self, env: Any, state: State) -> float:
         """Return a lower bound of the cost-to-go of a state."""
         goal, graph = Goal(env.goal, env.goal_tolerance, self._cost), env.graph
         if self._bounds is not None and state.pose is None:
@@ -115,7 +114,7 @@ class CostBounds:
 class EpisodeRegret:
     """Regret of the episodes of one environment."""
 
-    def __init__(self, env: MlivrEnv) -> None:
+    def __init__(self, env: Any) -> None:
         """Prepare for an environment.
 
         Raises a `SettingError` if it has actions beside the steps, or a reward of the user's.
@@ -132,13 +131,13 @@ class EpisodeRegret:
             names = "optimal_cost_lower_bound", "lower_bound_gap"
             self._costs, self._regret = CostBounds(env), Regret(1, names)
 
-    def start(self, env: MlivrEnv) -> dict[str, Any]:
+    def start(self, env: Any) -> dict[str, Any]:
         """Start an episode in the present state, and return the information."""
         here = np.array([self._costs.of_state(env, env.state)])
         self._regret.start(np.ones(1, dtype=np.bool_), here)
         return self._numbers(here)
 
-    def charge(self, env: MlivrEnv, cost: float) -> dict[str, Any]:
+    def charge(self, env: Any, cost: float) -> dict[str, Any]:
         """Add the cost of the action that led to the present state; return the information."""
         self._regret.charge(np.ones(1, dtype=np.bool_), cost)
         return self._numbers(np.array([self._costs.of_state(env, env.state)]))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from mlivr_gym.arguments import Reader
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.motion.plan_parts import OWN
-from mlivr_gym.planners.costs import OWN_COST, Cost
+from mlivr_gym.motion.plan_parts import CUSTOM
+from mlivr_gym.planners.costs import CUSTOM_COST, Cost
 from mlivr_gym.schema import NAME, Choice, FieldPath, Fields
 
 
@@ -106,9 +106,9 @@ REWARDS = {name: CostReward(Cost.named(name)) for name in ("steps", "base")}
 def _read_reward(given: Any, path: FieldPath) -> Reward:
     """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
-    if name == OWN:
-        own = Fields({"kind": NAME}, OWN_COST).read(given, path)
-        return CostReward(Cost.own(**{key: own[key] for key in OWN_COST if key in own}))
+    if name == CUSTOM:
+        custom = Fields({"kind": NAME}, CUSTOM_COST).read(given, path)
+        return CostReward(Cost.custom(**{key: custom[key] for key in CUSTOM_COST if key in custom}))
     if isinstance(name, str):
         return REWARDS[Choice(tuple(REWARDS)).read(name, path)]
     if isinstance(given, Cost):

@@ -20,7 +20,7 @@ from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import poses, quaternion
 from mlivr_gym.motion.commitment import CommittedMotion, commitments, committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, flange_in_body
-from mlivr_gym.motion.plan_parts import OWN, Motion, Query, Statistics, Step, World, step_along
+from mlivr_gym.motion.plan_parts import CUSTOM, Motion, Query, Statistics, Step, World, step_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
@@ -57,7 +57,7 @@ def check_totals(query: Query, motion: Motion, statistics: Statistics) -> None:
     away = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     for k, step in enumerate(motion.steps):
         _compare(f"motion.steps[{k}].displacement", step.displacement, float(away[k]))
-    expected = statistics.cost if query.cost_name == OWN else query.cost_of(positions)
+    expected = statistics.cost if query.cost_name == CUSTOM else query.cost_of(positions)
     if not abs(statistics.cost - expected) <= TOLERANCE * max(1.0, expected):
         raise _mismatch("statistics.cost", statistics.cost, f"{expected!r} (query.{priced})")
     short = float(np.linalg.norm(positions[-1] - np.array(query.goal)))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 COSTS = ("base", "steps", "weighted")
 """Names of the costs."""
 
-OWN = "own"
+CUSTOM = "custom"
 """Name of every cost of the user's own, which a plan does not contain."""
 
 SWING_KINDS = ("direct", "over", "folded", "changed", "unchecked")
@@ -73,8 +73,8 @@ class Query:
     """Goal position of the base in the world [m]."""
     goal_tolerance: Annotated[float, NOT_NEGATIVE]
     """Radius of the goal region [m]."""
-    cost_name: Annotated[str, Choice((*COSTS, OWN))]
-    """Name of the cost, one of `COSTS`, or `"own"` for a cost of the user's own."""
+    cost_name: Annotated[str, Choice((*COSTS, CUSTOM))]
+    """Name of the cost, one of `COSTS`, or `"custom"` for a cost of the user's own."""
     regrasp_price: Annotated[float | None, OrNone(NOT_NEGATIVE)]
     """Price of a regrasp [m] if the cost is `"weighted"`, otherwise None."""
     method: Annotated[str, NAME]
@@ -89,7 +89,7 @@ class Query:
 
         Raises a `PlanError` if it is a cost of the user's own, which the plan does not contain.
         """
-        if self.cost_name == OWN:
+        if self.cost_name == CUSTOM:
             raise PlanError("the plan does not contain the user's own cost; plan again")
         away = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         steps = float(len(positions) - 1)

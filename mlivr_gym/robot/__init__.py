@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from mlivr_gym.robot.capsules import Capsule
     from mlivr_gym.robot.cargo import Cargo, LockedLimb
     from mlivr_gym.robot.from_file import read_robot
-    from mlivr_gym.robot.limb import Limb
+    from mlivr_gym.robot.limb import Limb, frames_of_dh, ur_dh
     from mlivr_gym.robot.limb_dynamics import LimbDynamics
     from mlivr_gym.robot.rigid import RigidBody
     from mlivr_gym.robot.specification import (
@@ -35,8 +35,10 @@ __all__ = [
     "RigidBody",
     "RobotSpec",
     "Visual",
+    "frames_of_dh",
     "read_robot",
     "robot_spec",
+    "ur_dh",
 ]
 
 __getattr__, __dir__ = lazy(__name__)

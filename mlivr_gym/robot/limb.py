@@ -22,8 +22,7 @@ FARTHEST_TURN = 100.0
 JOINT_LIMITS = (
     *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
 )  # fmt: skip
-"""Limits of the UR5e's joints [rad]; the manufacturer's description keeps the elbow to half a turn.
-"""
+"""Limits of the UR5e's joints [rad]; the maker's description keeps the elbow to half a turn."""
 
 WINDOW_STARTS = (
     -1.65, 1.75 - 2.0 * np.pi, -np.pi, 1.75 - 2.0 * np.pi, -np.pi, -0.75 * np.pi,
@@ -57,8 +56,7 @@ UNIT_LENGTH = 1e-6
 """How far a quaternion's length may be from 1."""
 
 SAME_LINE = 1e-6
-"""How far the first axis may be from the z axis of the base [m], and the sine of the angle between.
-"""
+"""Largest distance [m] of the first axis from the z axis of the base, and sine of their angle."""
 
 LEAST_SINE = 1e-3
 """Least sine of the angle between axes 5 and 6."""
@@ -328,10 +326,9 @@ class Limb:
 
     @cached_property
     def default_folds(self) -> tuple[tuple[float, ...], ...]:
-        """Angles of joints 1 to 5 at which a free limb may stay folded [rad].
+        """Joints 1 to 5 of a free limb that stays folded [rad], as those of UR or by least reach.
 
-        Those of the arms of UR, or of many postures that stay on the outer side of the mount, those
-        that reach least far.
+        These are of many postures that stay on the outer side of the mount.
         """
         folds = self._as_ur(FOLDS)
         if folds is None:
@@ -369,10 +366,7 @@ class Limb:
 
     @property
     def failed_joint(self) -> int | None:
-        """Number of the joint that is held because it is locked; None if none is.
-
-        Its limits are one angle, that at which it is locked.
-        """
+        """Number of the joint that is locked, whose limits are one angle; None if none is."""
         if self.held_joint is None:
             return None
         low, high = self.joint_limits[self.held_joint - 1]
@@ -388,12 +382,8 @@ class Limb:
 
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
-        rows: Array = np.asarray(moving, dtype=np.float64)
-        return (
-            rows
-            if self.held_joint is None
-            else np.insert(rows, self.held_joint - 1, self.held_angle, axis=-1)
-        )
+        rows, at = np.asarray(moving, dtype=np.float64), self.held_joint
+        return rows if at is None else np.insert(rows, at - 1, self.held_angle, axis=-1)
 
 
 @lru_cache(maxsize=8)

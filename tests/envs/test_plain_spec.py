@@ -61,7 +61,7 @@ def test_an_environment_of_objects_is_made_again_from_json(small_map):
 @pytest.mark.parametrize(
     ("name", "given"),
     [("reward", "steps"), ("reward", REWARDS["base"]),
-     ("reward", Cost.own(1.0, 0.5)), ("tasks", WalkTasks()),
+     ("reward", Cost.custom(1.0, 0.5)), ("tasks", WalkTasks()),
      ("tasks", {"kind": "far"})],
 )  # fmt: skip
 @pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])

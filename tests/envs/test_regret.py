@@ -48,7 +48,7 @@ def least(net, env, cost):
     return min((costs[end] for end in ends if end in costs), default=np.inf)
 
 
-REWARDS = ["steps", "base", Cost.own(0.5, 0.2, prices)]
+REWARDS = ["steps", "base", Cost.custom(0.5, 0.2, prices)]
 
 
 @pytest.mark.parametrize("reward", REWARDS)

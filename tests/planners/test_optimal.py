@@ -18,12 +18,12 @@ def prices(stances, points):
     return 0.02 * (points * 7 % 11) + 0.05 * np.ptp(stances, axis=1)
 
 
-OWN = [
-    Cost.own(0.7, 0.3, prices),
-    Cost.own(base_weight=1.0, prices=prices),
-    Cost.own(step_weight=0.5, prices=np.arange(60.0) % 7),
+CUSTOM = [
+    Cost.custom(0.7, 0.3, prices),
+    Cost.custom(base_weight=1.0, prices=prices),
+    Cost.custom(step_weight=0.5, prices=np.arange(60.0) % 7),
 ]
-COSTS = [("base", None), ("steps", None), ("weighted", 0.2), *((cost, None) for cost in OWN)]
+COSTS = [("base", None), ("steps", None), ("weighted", 0.2), *((cost, None) for cost in CUSTOM)]
 CRATE = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 FEW, MORE = ("D1a", "F1b", "F2b"), ("D1a", "D2a", "F1b", "A1a")
 WORLDS = {
@@ -82,7 +82,7 @@ def truth(request, jem):
 def price_of(cost, before, after):
     """The price of one step, its point found by what differs."""
     (point,) = (p for old, p in zip(before, after, strict=True) if p != old)
-    if cost is OWN[2]:
+    if cost is CUSTOM[2]:
         return point % 7
     return 0.02 * (point * 7 % 11) + 0.05 * (max(after) - min(after))
 

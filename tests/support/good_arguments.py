@@ -23,7 +23,7 @@ def seen(env):
 
 
 SPECIAL = {
-    "Cost.own": lambda of: {"base_weight": 1.0},
+    "Cost.custom": lambda of: {"base_weight": 1.0},
     "PlanPolicy": lambda of: {"find": lambda env: None},
     "baseline_policy": lambda of: {"method": "local"},
     "policy_by_name": lambda of: {"name": "random"},

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
-    from mlivr_gym.extensions.benchmark.entry import BenchmarkError, Entry
+    from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry, BenchmarkError
     from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TrainingEnv
     from mlivr_gym.extensions.benchmark.replay import check
     from mlivr_gym.extensions.benchmark.runner import run
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 __all__ = [
     "BUDGETS",
     "ENVIRONMENT_IDS",
+    "BenchmarkEntry",
     "BenchmarkError",
-    "Entry",
     "TrainingEnv",
     "check",
     "markdown_table",

@@ -9,7 +9,7 @@ from mlivr_gym.cli.arguments import option, refuse_without_effect
 from mlivr_gym.cli.outputs import all_or_none, check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
-from mlivr_gym.extensions.benchmark.entry import EPISODES, PICTURE, SUMMARY, Entry
+from mlivr_gym.extensions.benchmark.entry import EPISODES, PICTURE, SUMMARY, BenchmarkEntry
 from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS
 from mlivr_gym.extensions.benchmark.replay import check
 from mlivr_gym.extensions.benchmark.runner import run as run_policy
@@ -49,7 +49,9 @@ def run(args: argparse.Namespace) -> None:
     if not args.folders:
         raise SettingError(f"{args.action} needs the folder of an entry")
     if args.action == "table":
-        args.result["table"] = markdown_table({Path(f).name: Entry.read(f) for f in args.folders})
+        args.result["table"] = markdown_table(
+            {Path(f).name: BenchmarkEntry.read(f) for f in args.folders}
+        )
         print(args.result["table"], end="")
         return
     for folder in args.folders:

@@ -74,7 +74,7 @@ class EpisodeRow(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Entry:
+class BenchmarkEntry:
     """An entry: its episodes, and what they were made with."""
 
     summary: dict[str, Any]
@@ -97,7 +97,7 @@ class Entry:
             save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
     @classmethod
-    def read(cls, folder: str | Path) -> Entry:
+    def read(cls, folder: str | Path) -> BenchmarkEntry:
         """Return the entry in a folder; the `BenchmarkError` names what cannot be read."""
         file = Path(folder, SUMMARY)
         place = FieldPath("", BenchmarkError)

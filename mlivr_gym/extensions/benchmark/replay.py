@@ -9,7 +9,12 @@ from typing import Any
 
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
-from mlivr_gym.extensions.benchmark.entry import BenchmarkError, Entry, EpisodeRow, results_of
+from mlivr_gym.extensions.benchmark.entry import (
+    BenchmarkEntry,
+    BenchmarkError,
+    EpisodeRow,
+    results_of,
+)
 from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS, HeldOutTasks
 from mlivr_gym.settings import check_rules
 
@@ -31,14 +36,14 @@ class Replay:
 
 def check(
     folder: str | Path, tasks: int = TASKS, progress: Callable[[int], None] | None = None
-) -> Entry:
+) -> BenchmarkEntry:
     """Return the entry in a folder if it adds up.
 
     Each environment must have the first `tasks` tasks for each seed. Their actions are replayed;
     success, cost, optimum and what the summary tells must follow. `progress` is called with the
     number of checked episodes. Raises a `BenchmarkError` that names the first fault.
     """
-    entry = Entry.read(folder)
+    entry = BenchmarkEntry.read(folder)
     summary, rows = entry.summary, entry.rows
     check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
     if summary["tasks"] != tasks:

@@ -17,7 +17,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.extensions.benchmark.entry import Entry, EpisodeRow, results_of
+from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry, EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
     ENVIRONMENT_IDS,
@@ -82,7 +82,7 @@ def run(
     environments: Sequence[str] = ENVIRONMENT_IDS,
     tasks: int = TASKS,
     progress: Callable[[int], None] | None = None,
-) -> Entry:
+) -> BenchmarkEntry:
     """Train a policy, see `policy_maker`, within a budget, and return its episodes.
 
     A policy is made anew for each environment and each of `seeds` (by default 3, and 1 for one that
@@ -126,7 +126,7 @@ def run(
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
         "results": results_of(rows),
     }
-    return Entry(summary, tuple(rows))
+    return BenchmarkEntry(summary, tuple(rows))
 
 
 def _train(policy: Any, env: TrainingEnv, seed: int) -> int:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from mlivr_gym.extensions.benchmark.entry import Entry
+from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry
 from mlivr_gym.extensions.benchmark.protocol import ENVIRONMENT_IDS
 
 
-def markdown_table(entries: Mapping[str, Entry]) -> str:
+def markdown_table(entries: Mapping[str, BenchmarkEntry]) -> str:
     """Return a table of entries by name, the best mean score first.
 
     For each environment it has the score, with percentiles over seeds if there are several, and the

@@ -14,8 +14,8 @@ from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.benchmark import (
+    BenchmarkEntry,
     BenchmarkError,
-    Entry,
     TrainingEnv,
     check,
     markdown_table,
@@ -74,7 +74,7 @@ def greedy(tmp_path_factory, cache):
 
 def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):
     """The exact cost-to-go shares no search with the A* from which the optima come."""
-    entry, scores = Entry.read(greedy), []
+    entry, scores = BenchmarkEntry.read(greedy), []
     env = gymnasium.make(FAR, info_regret=True, disable_env_checker=True)
     for row in entry.rows:
         _, info = env.reset(options={"task": row.task})
@@ -90,10 +90,10 @@ def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):
 
 
 def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
-    assert check(greedy, TASKS).summary == Entry.read(greedy).summary
+    assert check(greedy, TASKS).summary == BenchmarkEntry.read(greedy).summary
     with pytest.raises(BenchmarkError, match="the entry has 6 tasks; it must have 200"):
         check(greedy)
-    done = next(k for k, row in enumerate(Entry.read(greedy).rows) if row.success)
+    done = next(k for k, row in enumerate(BenchmarkEntry.read(greedy).rows) if row.success)
 
     def row_with(**change):
         def alter(rows, _):
@@ -173,7 +173,7 @@ def test_steps_in_training_are_counted_and_held_out_tasks_refused():
 
 
 def test_commands_check_and_list_entries(greedy, capsys, tmp_path):
-    rows = {"greedy": Entry.read(greedy)}
+    rows = {"greedy": BenchmarkEntry.read(greedy)}
     rows["better"] = run(f"{__name__}:Learner", "5M", 2, (FAR,), 2)
     lines = markdown_table(rows).splitlines()
     assert [line.split(" | ")[0] for line in lines[2:]] == ["| better", "| greedy"]
@@ -196,7 +196,7 @@ def test_commands_check_and_list_entries(greedy, capsys, tmp_path):
 
 def test_the_entry_in_the_repository_is_of_the_present_rules():
     """Its replay takes a minute, so that only what is read quickly is compared here."""
-    entry = Entry.read(ROOT / "benchmark" / "greedy")
+    entry = BenchmarkEntry.read(ROOT / "benchmark" / "greedy")
     assert markdown_table({"greedy": entry}) in (ROOT / "docs" / "benchmark.md").read_text()
     page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
     assert (ROOT / "benchmark" / "greedy" / "greedy.py").read_text(encoding="utf-8") in page
