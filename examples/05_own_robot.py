@@ -4,7 +4,7 @@ import dataclasses
 
 from mlivr_gym import Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 
 # The UR10e by its DH table [m]; its shapes are simple ones along the links.
 table = ur_dh(d1=0.1807, a2=-0.6127, a3=-0.57155, d4=0.17415, d5=0.11985, d6=0.11655)
