@@ -10,8 +10,9 @@ from mlivr_gym.lazy import lazy
 if TYPE_CHECKING:
     from mlivr_gym.robot.capsules import Capsule
     from mlivr_gym.robot.cargo import Cargo, LockedLimb
+    from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
     from mlivr_gym.robot.from_file import read_robot
-    from mlivr_gym.robot.limb import Limb, frames_of_dh, ur_dh
+    from mlivr_gym.robot.limb import Limb
     from mlivr_gym.robot.limb_dynamics import LimbDynamics
     from mlivr_gym.robot.rigid import RigidBody
     from mlivr_gym.robot.specification import (

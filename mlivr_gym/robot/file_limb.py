@@ -137,7 +137,9 @@ def _chain_of(tree: Tree, arm: FileArm, flange: Array, up: Array | None) -> tupl
     steps = [inverse(frames[k]) @ at_zero[k + 1] for k in range(len(joints))]
     for step in steps:
         step[np.abs(step) < SAME] = 0.0
-    held = {} if arm.held is None else {"held_joint": arm.held + 1, "held_angle": arm.angle}
+    held: dict[str, Any] = (
+        {} if arm.held is None else {"held_joint": arm.held + 1, "held_angle": arm.angle}
+    )
     try:
         limb = Limb(
             tuple(as_triple(step[:3, 3]) for step in steps),

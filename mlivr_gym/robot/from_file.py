@@ -28,7 +28,8 @@ from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.schema import FieldPath
-from mlivr_gym.values import MAX_REMARK_LENGTH, Triple
+from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
+from mlivr_gym.world.boxes import Box
 
 UR5E_ARM = 0.425 + 0.3922
 """Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
@@ -167,7 +168,7 @@ def _whole(
         return limbs, build | {"limbs": count, "mount_radius": even[1]}
     build["mounts"] = tuple(
         Mount(
-            tuple(place[:3, 3].tolist()), tuple(map(tuple, place[:3, :3].tolist())),
+            as_triple(place[:3, 3]), Box.rows(place[:3, :3]),
             *(() if alike else (limb.limb, limb.capsules, limb.dynamics, limb.visuals or None)),
         )
         for limb in limbs

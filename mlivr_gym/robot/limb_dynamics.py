@@ -16,7 +16,8 @@ import numpy as np
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError
 from mlivr_gym.files import read_json
-from mlivr_gym.robot.limb import LIMB, Limb, frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
+from mlivr_gym.robot.limb import LIMB, Limb
 from mlivr_gym.robot.rigid import RigidBody, cylinder
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
@@ -185,7 +186,7 @@ class Named:
         if isinstance(value, dict) and OLD_FIELDS & value.keys():
             raise place.fault(
                 "is told by a family or lengths, as limbs no longer are; give origins and "
-                "quaternions of the links, which frames_of_dh of mlivr_gym.robot.limb makes of a "
+                "quaternions of the links, which frames_of_dh of mlivr_gym.robot.dh_table makes of a "
                 "DH table, or read the arm from its URDF or MJCF"
             )
         return self.kind.read(value, place)

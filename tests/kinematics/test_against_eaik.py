@@ -13,7 +13,7 @@ from eaik.IK_HP import HPRobot
 from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym import Limb, robot_spec
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
 from mlivr_gym.robot.link_frames import link_frames
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.scene import set_configuration

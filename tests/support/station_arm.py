@@ -12,7 +12,7 @@ import pinocchio as pin
 from oracle import flange
 
 from mlivr_gym import Limb
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 
 JOINTS = (
     ((1.3589, 0.0, 0.0), "x"),

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
-from mlivr_gym.robot.limb import frames_of_dh, ur_dh
+from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 
 
 @cache
