@@ -186,7 +186,7 @@ class Named:
         if isinstance(value, dict) and OLD_FIELDS & value.keys():
             raise place.fault(
                 "is told by a family or lengths, as limbs no longer are; give origins and "
-                "quaternions of the links, which frames_of_dh of mlivr_gym.robot.dh_table makes of a "
+                "quaternions of the links, which mlivr_gym.robot.frames_of_dh makes of a "
                 "DH table, or read the arm from its URDF or MJCF"
             )
         return self.kind.read(value, place)
