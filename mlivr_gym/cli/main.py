@@ -64,7 +64,9 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     # the time to end after Ctrl-C, a function of an option's name, and all parsers by name.
     parser.set_defaults(grace=GRACE, json=False, quiet=False)
     parser.add_argument("--version", action="version", version=f"mlivr-gym {__version__}")
-    choices = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    choices = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", prog="mlivr-gym"
+    )
     for name, (place, (summary, *lines)) in every_command().items():
         added = choices.add_parser(name, help=summary, epilog=examples(lines))
         added.set_defaults(default=added.get_default, commands=choices.choices)

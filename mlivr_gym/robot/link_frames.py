@@ -63,8 +63,24 @@ def axes_of(quaternion: Sequence[float]) -> Array:
 
 
 def quaternion_of(rotation: Array) -> Array:
-    """Return the quaternions w, x, y, z of rotation matrices, shapes (..., 3, 3) -> (..., 4)."""
-    from scipy.spatial.transform import Rotation
+    """Return the quaternions w, x, y, z of rotation matrices, shapes (..., 3, 3) -> (..., 4).
 
-    turns = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
-    return np.asarray(turns + 0.0, dtype=np.float64)
+    The first number that is not 0 is positive. SciPy has the same, and takes long to load.
+    """
+    m = np.asarray(rotation, dtype=np.float64)
+    trace, diagonal = np.trace(m, axis1=-2, axis2=-1), np.diagonal(m, axis1=-2, axis2=-1)
+    # Products of the largest of the four numbers with each are sums of entries.
+    w = (1.0 + trace, m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0],
+         m[..., 1, 0] - m[..., 0, 1])  # fmt: skip
+    rows = [np.stack(w, axis=-1)]
+    for i in range(3):
+        row = m[..., i, :] + m[..., :, i]
+        row[..., i] = 1.0 - trace + 2.0 * m[..., i, i]
+        rows.append(np.concatenate([w[i + 1][..., None], row], axis=-1))
+    largest = np.argmax(np.concatenate([trace[..., None], diagonal], axis=-1), axis=-1)
+    found = np.take_along_axis(np.stack(rows, axis=-2), largest[..., None, None], axis=-2)[
+        ..., 0, :
+    ]
+    found = found / np.linalg.norm(found, axis=-1, keepdims=True)
+    first = np.take_along_axis(found, np.argmax(found != 0.0, axis=-1)[..., None], axis=-1)
+    return np.asarray(np.where(first < 0.0, -found, found) + 0.0)

@@ -82,7 +82,7 @@ def lines(draw, command):
     given = [command, *draw(st.sampled_from([["--map", "map.json"]] * 9 + [[], ["x"]]))]
     for action in draw(st.lists(st.sampled_from(options(command)), max_size=4)):
         given.append(action.option_strings[-1])
-        count = {None: 1, "+": 2, 0: 0}.get(action.nargs, action.nargs)
+        count = {None: 1, "+": 2, 0: 0, "?": 0}.get(action.nargs, action.nargs)
         count += draw(st.sampled_from([0] * 8 + [-1, 1]))
         values = st.sampled_from(pool(action))
         given += draw(st.lists(values, min_size=max(count, 0), max_size=max(count, 0)))

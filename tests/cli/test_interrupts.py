@@ -71,7 +71,7 @@ def interrupted(tmp_path):
     [
         ("script", "gymnasium"),
         ("module", "numpy"),
-        ("script", "mlivr_gym.cli.examples"),
+        ("script", "mlivr_gym.cli.commands"),
         ("module", "mlivr_gym.cli.plan"),
         ("script", "numba"),
         ("module", "mlivr_gym.planners.planner"),

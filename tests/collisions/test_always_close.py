@@ -16,9 +16,9 @@ CLEARANCE = 0.02
 def with_balls(gap):
     """Two UR5e with a ball on axis 4 and one at the wrist point, whose surfaces are a gap apart."""
     robot = robot_spec("mlivr2")
-    limb = robot.limb
-    radius = 0.5 * (np.hypot(limb.d4, limb.d5) - gap)
-    elbow, here = (limb.a3, 0.0, 0.0), (0.0, 0.0, 0.0)
+    # The lengths a3, d4 and d5 of the maker's DH table.
+    radius = 0.5 * (np.hypot(0.1333, 0.0997) - gap)
+    elbow, here = (-0.3922, 0.0, 0.0), (0.0, 0.0, 0.0)
     balls = Capsule("forearm", elbow, elbow, radius), Capsule("wrist_2", here, here, radius)
     return replace(robot, capsules=balls)
 

@@ -7,11 +7,13 @@ from compiled import called
 
 from mlivr_gym import Box, robot_spec
 from mlivr_gym.collisions.against_boxes import GraspSurface, compare_base_with_boxes
+from mlivr_gym.collisions.allowed_collisions import ALLOWED_COLLISIONS
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_distance
-from mlivr_gym.collisions.limb_shapes import OFFSET_PAIRS, LimbShapes
+from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.poses import pose
+from mlivr_gym.robot.capsules import LINKS
 
 ROBOT = robot_spec("mlivr2")
 
@@ -21,7 +23,8 @@ SHAPES = LimbShapes(ROBOT)
 
 def test_links_that_are_not_compared_never_meet():
     """No posture brings uncompared links two joints apart closer than touching."""
-    left_out = {tuple(sorted((a, b))) for a, b in OFFSET_PAIRS}
+    pairs = [(row.first, row.second) for row in ALLOWED_COLLISIONS if row.checked]
+    left_out = {tuple(sorted(map(LINKS.index, pair))) for pair in pairs}
     compared = {tuple(SHAPES.links[[i, j]].tolist()) for i, j in SHAPES.pairs}
     rng = np.random.default_rng(1)
     least = dict.fromkeys(left_out, np.inf)

@@ -11,6 +11,9 @@ from mlivr_gym.pictures.studio import studio_spec
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.simulation.dynamics import dynamics_spec
 
+LENGTHS = {"mlivr2": (-0.425, -0.3922), "mlivr2-ur3e": (-0.24355, -0.2132)}
+"""Lengths a2 and a3 of the maker's DH table [m]."""
+
 WIDEST = {"mlivr2": 0.0755, "mlivr2-ur3e": 0.0645}
 """Radius of the widest part, the base [m]: half the footprints of 149 and 128 mm, rounded up."""
 
@@ -18,7 +21,7 @@ WIDEST = {"mlivr2": 0.0755, "mlivr2-ur3e": 0.0645}
 @pytest.mark.parametrize("name", WIDEST)
 def test_links_reach_from_joint_to_joint(name):
     """From the base plate to the flange, along the lengths of the maker's DH table."""
-    limb, widest = robot_spec(name).limb, WIDEST[name]
+    widest = WIDEST[name]
     meshes = limb_meshes(robot_spec(name), 0)
     assert {mesh.link for mesh in meshes} == set(LINKS[:-1])
     low, high = {}, {}
@@ -31,7 +34,7 @@ def test_links_reach_from_joint_to_joint(name):
         high[mesh.link] = np.maximum(bounds[1], high.get(mesh.link, -np.inf))
     assert low["base"][2] == pytest.approx(0.0, abs=2e-3)
     assert high["wrist_3"][2] == pytest.approx(0.0, abs=2e-3)
-    for link, length in (("upper_arm", limb.a2), ("forearm", limb.a3)):
+    for link, length in zip(("upper_arm", "forearm"), LENGTHS[name], strict=True):
         assert length - widest < low[link][0] < length
         assert 0.0 < high[link][0] < widest
     for link in ("shoulder", "wrist_1", "wrist_2", "wrist_3"):  # about their joint

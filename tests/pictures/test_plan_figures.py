@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_hex
 
-from mlivr_gym.pictures import plan_figure as module
+from mlivr_gym.pictures import plan_figures as module
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.plan_figures import plan_figure
 from mlivr_gym.pictures.route import plan_base_path

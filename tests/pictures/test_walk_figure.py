@@ -5,7 +5,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from mlivr_gym import Box
-from mlivr_gym.pictures import plan_figure as module
+from mlivr_gym.pictures import plan_figures as module
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.map_views import FROM_ABOVE, FROM_THE_SIDE, IN_SPACE
 from mlivr_gym.pictures.plan_figures import BOX_COLOUR, parts_of

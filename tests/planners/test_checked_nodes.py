@@ -24,7 +24,7 @@ def graph(request):
 def test_nodes_are_checked_when_they_are_popped(graph):
     """The cheapest path costs what it does if every node is checked before the search."""
     rng, count, solved, checks = np.random.default_rng(1), len(graph.table.points), 0, 0
-    weights, labels = cost_weights(Cost.named("base")), Labels.allocate(count)
+    weights, labels = cost_weights(Cost.named("base"), graph.table.points), Labels.allocate(count)
     every = LowerBounds(graph).lazy_table
     every.check_nodes(np.arange(count))
     losing = np.flatnonzero(every.table.branch_sets != graph.table.branch_sets)

@@ -77,7 +77,7 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
     graph, table = known
     goal, pairs, count = goal_at(graph, table, 7, cost), every_pair(table), len(table.points)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    weights, charged = cost_weights(goal.cost), price(table, pairs, goal.cost)
+    weights, charged = cost_weights(goal.cost, table.points), price(table, pairs, goal.cost)
     matrix = csr_array((charged + 1e-15, (pairs[:, 2], pairs[:, 0])), shape=(count, count))
     expected = dijkstra(matrix, indices=np.flatnonzero(goals), min_only=True)
     start = int(np.flatnonzero(np.isfinite(expected))[expected[np.isfinite(expected)].argmax()])
@@ -160,7 +160,7 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
         row = int(rng.integers(count))
         for cost in COSTS:
             goal, ends = goal_at(graph, table, row, cost), (states, first)
-            search_graph = SearchGraph(table, steps, cost_weights(goal.cost))
+            search_graph = SearchGraph(table, steps, cost_weights(goal.cost, table.points))
             assert_cheapest(search_graph, goal, pairs, ends)
 
 
@@ -199,10 +199,12 @@ def test_too_many_labels_leave_a_bound(known, monkeypatch):
     graph, table = known
     count, goal = len(table.points), goal_at(graph, table, 0, COSTS[0])
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
-    h = exact_costs(table, goals, cost_weights(goal.cost), 9)
+    h = exact_costs(table, goals, cost_weights(goal.cost, table.points), 9)
     far = int(np.where(np.isfinite(h), h, -1.0).argmax())
     origins = NodeOrigins(np.array([far]), table.branch_sets[[far]], np.zeros(1))
-    search_graph = SearchGraph(table, CheckedEdges.empty(count), cost_weights(goal.cost))
+    search_graph = SearchGraph(
+        table, CheckedEdges.empty(count), cost_weights(goal.cost, table.points)
+    )
     _, least, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)
     monkeypatch.setattr(labels_module, "CAPACITY", 64)
     path, lower_bound, *_ = cheapest_path(search_graph, h, origins, Labels.allocate(count), EXACT)

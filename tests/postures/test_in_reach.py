@@ -13,6 +13,7 @@ from wrist_arms import Lengths
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import Pose
+from mlivr_gym.robot.link_frames import link_frames
 
 
 @pytest.fixture(scope="module", params=["mlivr3", "mlivr4", 3, 4])
@@ -22,12 +23,12 @@ def graph(request):
     return stance_graph(robot=robot, settings=NO_COLLISIONS)
 
 
-def closed_w_m(q, limb, scale):
-    """Return `w_m` by the closed form, for joint angles of shape (..., 6)."""
-    u = limb.a2 * np.cos(q[..., 1]) + limb.a3 * np.cos(q[..., 1] + q[..., 2])
-    u = u + limb.d5 * np.sin(q[..., 1:4].sum(axis=-1))
-    det = limb.a2 * limb.a3 * np.sin(q[..., 2]) * np.sin(q[..., 4]) * u
-    return np.abs(det) / scale**3
+def w_m_of(q, limb, scale):
+    """Return `w_m` by the Jacobian of the joint axes, for joint angles of shape (..., 6)."""
+    frames = link_frames(limb, q)[..., 1:, :, :]
+    turns = frames[..., :3, 2]
+    jacobians = np.concatenate([np.cross(frames[..., :3, 3], turns), turns], axis=-1)
+    return np.abs(np.linalg.det(jacobians)) / scale**3
 
 
 def least_w_m(graph, stances):
@@ -42,7 +43,7 @@ def least_w_m(graph, stances):
     for branch in range(8):
         held_angles(graph.solver.shapes.rows, bases, geometry, np.full(geometry.shape, branch), out)
         for i, limb in enumerate(graph.robot.every_limb):
-            w_m = closed_w_m(out["q"][:, i], limb, graph.robot.characteristic_length)
+            w_m = w_m_of(out["q"][:, i], limb, graph.robot.characteristic_length)
             best[:, i] = np.fmax(best[:, i], w_m)
     return best.min(axis=1), positions
 

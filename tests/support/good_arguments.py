@@ -18,8 +18,8 @@ QUICK_TRAINING = {"rounds": 1, "layouts": 1, "goals": 1, "rollouts": 1, "updates
 
 def seen(env):
     """What a policy is asked with."""
-    mask = env.action_masks()
-    return {"env": env, "observation": env.reset(seed=0)[0], "mask": mask}
+    observation = env.reset(seed=0)[0]
+    return {"env": env, "observation": observation, "mask": env.action_masks()}
 
 
 SPECIAL = {

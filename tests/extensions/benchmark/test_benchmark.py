@@ -25,7 +25,7 @@ from mlivr_gym.extensions.benchmark import (
 from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
 
 pytestmark = pytest.mark.usefixtures("cache")
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 FAR = "MLIVR-JEM-Far-v0"
 TASKS = 6
 

@@ -8,12 +8,12 @@ from PIL import Image
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import MlivrError, RenderError
+from mlivr_gym.extensions.closed_loop import film as filming
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.film import closed_loop_film, news_at
 from mlivr_gym.extensions.closed_loop.hit_cubes import CUBE
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
 from mlivr_gym.extensions.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
-from mlivr_gym.pictures import closed_loop_film as filming
 from mlivr_gym.pictures import rendering
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
