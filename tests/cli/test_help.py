@@ -9,7 +9,7 @@ from mlivr_gym.cli.arguments import output_options
 from mlivr_gym.cli.help import GROUPS, CommandParser
 from mlivr_gym.cli.main import every_command, main
 
-SCREEN = 52
+SCREEN = 54
 """Lines of a screen."""
 
 
@@ -37,7 +37,7 @@ def test_the_help_of_a_command_fits_a_screen_and_each_option_is_in_one_group(cap
             assert f"no group '{group}'" in capsys.readouterr().err
     parser, module = CommandParser(), import_module(every_command()[command][0])
     getattr(module, "add_options", output_options)(parser)
-    for name in vars(parser.parse_known_args(["x"])[0]):
+    for name in vars(parser.parse_known_args(["run"])[0]):
         option = f"--{name.replace('_', '-')}"
         assert option in known or (name in ("file", "folder") and "positional arguments" in text)
 
