@@ -28,7 +28,8 @@ def w_m_of(q, limb, scale):
     frames = link_frames(limb, q)[..., 1:, :, :]
     turns = frames[..., :3, 2]
     jacobians = np.concatenate([np.cross(frames[..., :3, 3], turns), turns], axis=-1)
-    return np.abs(np.linalg.det(jacobians)) / scale**3
+    with np.errstate(invalid="ignore"):  # angles of branches that do not exist are NaN
+        return np.abs(np.linalg.det(jacobians)) / scale**3
 
 
 def least_w_m(graph, stances):

@@ -201,7 +201,7 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     assert 0 < there.sum() < len(others)
     steps = 0
     for stance, branch_sets in zip(
-        stances[:8].tolist(), postures.branch_sets.tolist(), strict=False
+        stances[:10].tolist(), postures.branch_sets.tolist(), strict=False
     ):
         state = State(tuple(stance), tuple(branch_sets))
         found, told = graph.successors(state), with_table.successors(state)

@@ -70,7 +70,7 @@ def drawn(graph, record, tmp_path_factory):
             pass
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("mlivr_gym.extensions.closed_loop.film.SceneRenderer", Painter)
+        patch.setattr("mlivr_gym.pictures.films.SceneRenderer", Painter)
         patch.setattr(rendering, "with_caption", lambda one, text, _: told.append(text) or one)
         path = tmp_path_factory.mktemp("film") / "walk.gif"
         closed_loop_film(graph, record, path, unknown=[BAG], size=SIZE, speed=SPEED)
