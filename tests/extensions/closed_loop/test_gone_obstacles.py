@@ -111,7 +111,8 @@ def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
     axes = [np.arange(a, b, 0.025) for a, b in zip(low - 0.1, high + 0.1, strict=True)]
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     believed, left = (covered(walk.sensed, places) for walk in (there, gone))
-    assert left.sum() < 0.75 * believed.sum()
+    # It looks between steps alone, and never at all of the wall.
+    assert left.sum() < 0.8 * believed.sum()
     assert (left & ~believed).sum() < 0.01 * believed.sum()
 
 
