@@ -133,6 +133,20 @@ def test_threads_share_a_graph_and_an_implicit_graph():
         assert all(same(one, truth[k % len(stances)]) for k, one in enumerate(found))
 
 
+@pytest.mark.parametrize(
+    ("new", "name"), [(stance_graph, "table"), (stance_graph, "branch_sets"), (MlivrEnv, "moves")]
+)
+def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, name):
+    """These compute what they tell, among the obstacles that another thread may be adding."""
+    one, told = new(), threading.Event()
+    reader = threading.Thread(target=lambda: (getattr(one, name), told.set()))
+    with one.lock:
+        reader.start()
+        assert not told.wait(0.5)
+    reader.join()
+    assert told.is_set()
+
+
 def test_threads_step_environments_on_one_graph_each_with_its_episode():
     def new(graph=None):
         env = gymnasium.make("MLIVR-JEM-v0", grasp_failure=0.2).unwrapped
@@ -181,7 +195,11 @@ def test_a_forked_process_waits_for_no_thread_of_its_parent():
     inside.wait()
     child = os.fork()
     if child == 0:
-        os._exit(0 if graph.lock.acquire(timeout=5.0) else 1)
+        free = []  # for every thread of the child, not only for the one that forked
+        other = threading.Thread(target=lambda: free.append(graph.lock.acquire(timeout=5.0)))
+        other.start()
+        other.join()
+        os._exit(0 if free == [True] else 1)
     leave.set()
     holder.join()
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

@@ -19,7 +19,7 @@ from mlivr_gym.envs.snapshots import Motion, Snapshot
 from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.schema import Choice, OrNone
-from mlivr_gym.sharing import Independent, OnGraph
+from mlivr_gym.sharing import Independent, OnGraph, locked
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -71,6 +71,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
         self.viewer = EnvViewer(graph, size, goal_tolerance)
 
     @property
+    @locked
     def moves(self) -> Moves:
         """The steps in the present world, from exact tables if all are known."""
         graph = self.graph

@@ -49,6 +49,8 @@ def test_a_goal_far_from_all_stances_is_refused_with_the_nearest_distance(
     ):
         assert f"the nearest is {nearest:.3f} m away" in found.message
         assert f"of goal {list(goal)}" in found.message
+        told = float(found.message.split("goal_tolerance of ")[1].split(" m")[0])
+        assert nearest <= told < nearest + 1e-3
     below, above = (
         planner.plan(start, goal, goal_face=face, goal_tolerance=nearest + d) for d in (-1e-4, 1e-3)
     )

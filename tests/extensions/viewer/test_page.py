@@ -79,6 +79,7 @@ def test_pages_of_other_sites_in_the_same_browser_are_refused(page):
         assert answer(page, **more, Host=local, Origin=f"http://{local}") == whole
         origins = "http://evil.example", "null", "http://127.0.0.1:1", f"http://{local}"
         alike = f"{page.address}0", f"{page.address}.evil.example"
+        alike += f"http://evil.{page.address[7:]}", f"https://{page.address[7:]}"
         for origin in (*origins, *alike):
             assert answer(page, **more, Origin=origin) == 403
         # A name of the other site that is made to lead here (DNS rebinding).
