@@ -60,7 +60,9 @@ def test_the_package_is_the_command(capsys, monkeypatch):
     assert capsys.readouterr().out == f"mlivr-gym {__version__}\n"
 
 
-def test_json_is_all_that_is_printed_also_where_a_command_fails(run, walk):
+def test_json_is_all_that_is_printed_also_where_a_command_fails(run, checked_graph):
+    start, goal = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
+    walk = Planner(checked_graph).plan(start, goal, "steps").unwrap()
     arguments = ("--start", "D2a:4", "D2b:4", "--goal", "6", "0", "0.42", "--cost", "steps")
     code, out, err = run("plan", *arguments, "--json")
     told = json.loads(out)
@@ -101,6 +103,7 @@ def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
 import signal, sys, threading, time
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
+from mlivr_gym.planners import Planner
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
 used = time.process_time()
 def tell():

@@ -113,7 +113,8 @@ def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
     believed, left = (covered(walk.sensed, places) for walk in (there, gone))
     # It looks between steps alone, and never at all of the wall.
     assert left.sum() < 0.8 * believed.sum()
-    assert (left & ~believed).sum() < 0.01 * believed.sum()
+    # What it sees of the rim from farther on is new.
+    assert (left & ~believed).sum() < 0.02 * believed.sum()
 
 
 def covered(boxes, places):
