@@ -14,6 +14,7 @@ import pytest
 
 from mlivr_gym import __version__
 from mlivr_gym.cli.main import _parser, every_command, json_value, main
+from mlivr_gym.planners import Planner
 
 
 def test_the_help_tells_the_exit_codes(capsys):
