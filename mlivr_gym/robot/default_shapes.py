@@ -41,9 +41,8 @@ def gripper_capsule(tool_length: float) -> Capsule:
 def link_capsules(limb: Limb) -> tuple[Capsule, ...]:
     """Return simple collision shapes along the links of a limb, without a gripper.
 
-    Each begins where it is clear of the end of the link before the last one, and the last one
-    before the wrist ends where it is clear of the flange; a link that is too short for that has
-    none.
+    Each begins where it is clear of the end of the link before the last one. The last link that is
+    long enough for it ends where it is clear of the flange; shorter ones after it have none.
     """
     radius, here = THICKNESS * limb.arm_length, (0.0, 0.0, 0.0)
     places = [as_triple(step[:3, 3]) for step in limb.steps]
@@ -51,8 +50,8 @@ def link_capsules(limb: Limb) -> tuple[Capsule, ...]:
     x, y, z = places[0]
     out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
     apart, before = 2.0 * radius + GAP, np.inf
-    fore = max((k for k in range(1, 5) if sizes[k] > radius), default=4)
-    for k in range(1, 5):
+    fore = max((k for k in range(1, 5) if sizes[k] > apart), default=4)
+    for k in range(1, fore + 1):
         start = 0.0 if before > apart else apart
         stop = sizes[k] - apart if k == fore else sizes[k]
         if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from robot_texts import one_arm, written
 
-from mlivr_gym import Capsule, RobotSpec, robot_spec, stance_graph
+from mlivr_gym import Capsule, Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.collisions.always_close import always_close_links
 from mlivr_gym.errors import RobotError
+from mlivr_gym.robot.default_shapes import default_capsules
+from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
 
 CLEARANCE = 0.02
 
@@ -72,3 +74,14 @@ def test_an_arm_from_a_file_stands_so_that_its_long_upper_arm_can_leave_the_body
     assert not always_close_links(robot, CLEARANCE)
     nearer = replace(robot, mount_radius=0.1)
     assert always_close_links(nearer, CLEARANCE) == (("body", "upper_arm"),)
+
+
+@pytest.mark.parametrize("scale", [0.6, 1.0, 1.5])
+@pytest.mark.parametrize("arm", ARMS)
+def test_simple_shapes_along_the_links_of_an_arm_are_not_always_close(arm, scale):
+    """Lengths of the makers, and others, so that no arm has capsules that were measured."""
+    origins = scale * 1.01 * np.array(arm_limb(arm).origins)
+    limb = Limb(origins, arm_limb(arm).quaternions)
+    robot = RobotSpec(limb=limb)
+    assert default_capsules(limb, robot.tool_length)[1].link == "upper_arm"
+    assert always_close_links(robot, CLEARANCE) == ()
