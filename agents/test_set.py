@@ -16,7 +16,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.schema import (
     NAME,
     Anything,

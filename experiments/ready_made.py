@@ -24,7 +24,7 @@ from pathlib import Path
 from start_up import PATHS, ROOT, run
 
 import mlivr_gym.envs_assets
-from mlivr_gym.compiled.cache import PACKAGE, source_digest
+from mlivr_gym.compiled.cache import PACKAGE, kernel_digest
 from mlivr_gym.compiled.ready_made import FIRST_PLAN, archive_path, pack
 from mlivr_gym.files import write_whole
 
@@ -51,13 +51,13 @@ def build() -> bytes:
         for path in PATHS:
             found = run(path, Path(cache), **target)
             print(f"{path}: {found['functions']} functions, {found['wall']:.0f} s", flush=True)
-        return pack(Path(cache, "kernels"), has.split(), source_digest(FIRST_PLAN))
+        return pack(Path(cache, "kernels"), has.split(), kernel_digest(FIRST_PLAN))
 
 
 def current() -> dict[str, Path]:
     """Return the source files that contain entries, by digest."""
     sources = [path for path in PACKAGE.glob("*/*.py") if "\n@entry\n" in path.read_text("utf-8")]
-    return {source_digest(path): path for path in sources}
+    return {kernel_digest(path): path for path in sources}
 
 
 def faults(path: Path) -> list[str]:

@@ -17,7 +17,7 @@ import numba
 from mlivr_gym import __version__
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root, source_digest
+from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_digest, kernel_root
 from mlivr_gym.compiled.ready_made import FIRST_PLAN, why_compiled
 from mlivr_gym.errors import one_line
 
@@ -131,7 +131,7 @@ def _cache_report() -> dict[str, Any]:
     """Return the state of compiled code and of the cache folders."""
     tables, code = cache_folder(), kernel_root()
     stored = list(tables.glob("pairs-*.npz")) if tables is not None else []
-    why = why_compiled(source_digest(FIRST_PLAN))
+    why = why_compiled(kernel_digest(FIRST_PLAN))
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"
         if vars(numba.config)["DISABLE_JIT"]

@@ -12,7 +12,8 @@ from mlivr_gym.arguments import ANY_NUMBER
 from mlivr_gym.collisions.always_close import always_close_links
 from mlivr_gym.errors import SettingError
 from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
-from mlivr_gym.robot.specification import MOST_LIMBS, SUFFIXES, RobotSpec, robot_spec
+from mlivr_gym.robot.sizes import MOST_LIMBS
+from mlivr_gym.robot.specification import SUFFIXES, RobotSpec, robot_spec
 from mlivr_gym.robot.validators import APART
 from mlivr_gym.schema import FieldPath, Integer
 

@@ -12,7 +12,7 @@ from mlivr_gym.collisions.placement import Shapes
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, EVERY, below, has
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record, Rows
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 
 MOST_RESTING = BRANCHES * (MOST_LIMBS - 1)
 """Largest number of configurations of limbs at rest."""

@@ -36,7 +36,7 @@ from mlivr_gym.kinematics.following import (
 )
 from mlivr_gym.kinematics.limb import Angles, posture_at
 from mlivr_gym.kinematics.poses import Pose, cross, into, length, minus, out_of, vector
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple

@@ -15,7 +15,8 @@ from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.specification import MOST_CAPSULES, MOST_LIMBS, RobotSpec
+from mlivr_gym.robot.sizes import MOST_CAPSULES, MOST_LIMBS
+from mlivr_gym.robot.specification import RobotSpec
 
 MOST_PAIRS = MOST_CAPSULES * (MOST_CAPSULES - 1) // 2
 """Maximum number of pairs of capsules of one limb."""

@@ -10,7 +10,7 @@ from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.chain import link_frames
 from mlivr_gym.kinematics.poses import Pose, out_of
-from mlivr_gym.robot.specification import MOST_CAPSULES
+from mlivr_gym.robot.sizes import MOST_CAPSULES
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple

@@ -38,7 +38,7 @@ from mlivr_gym.kinematics.base_path import pose_on_path
 from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 
 MOST_HALVINGS = 10
 """An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""

@@ -22,6 +22,12 @@ IMPORT = re.compile(
 )
 """An import from the package at module level: the module, and the names imported from it."""
 
+KERNEL = re.compile(r"^@(?:entry|kernel|part)$", re.MULTILINE)
+"""What the kernels of a file begin with."""
+
+CLASSES = re.compile(r"[(\s]*(?:[A-Z]\w*[a-z]\w*[,\s)]*)+")
+"""Imported names all of which are classes or types."""
+
 
 def cache_folder() -> Path | None:
     """Return the folder of cached tables, or None if none are cached; see `CACHE_VARIABLE`."""
@@ -35,7 +41,7 @@ def kernel_folder(source: str) -> Path:
     There is one folder for each state of that file and of the files that it imports. It lies in the
     folder in which tables are cached, or in the user's cache folder if they are not.
     """
-    return kernel_root() / source_digest(Path(source))
+    return kernel_root() / kernel_digest(Path(source))
 
 
 def kernel_root() -> Path:
@@ -76,40 +82,50 @@ def _default_folder() -> Path:
     return user_cache_path("mlivr-gym", appauthor=False)
 
 
-@cache
 def source_digest(source: Path) -> str:
     """Return a digest of a source file and of all files of this package that it imports.
 
     It depends on the contents of the files, not on where they lie.
     """
-    contents = sorted(map(_content, _sources(source)))
+    return _digest(source, False)
+
+
+def kernel_digest(source: Path) -> str:
+    """Return a digest of all files that the machine code of the kernels in a file depends on.
+
+    A file without kernels, of which one with kernels imports classes alone, is none of them: these
+    are in annotations, and the compiler knows the types of the records that it is given.
+    """
+    return _digest(source, True)
+
+
+@cache
+def _digest(source: Path, of_kernels: bool) -> str:
+    """Return `kernel_digest` or `source_digest`."""
+    found, pending = {source}, [source]
+    while pending:
+        fresh = _imported(pending.pop(), of_kernels) - found
+        found |= fresh
+        pending.extend(fresh)
+    contents = sorted(hashlib.sha256(_text(path).encode()).digest() for path in found)
     return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
 
 
 @cache
-def _content(source: Path) -> bytes:
-    """Return the digest of the content of one file."""
-    return hashlib.sha256(source.read_bytes()).digest()
-
-
-def _sources(source: Path) -> set[Path]:
-    """Return the file and all files of this package that it imports, directly or indirectly."""
-    found, pending = {source}, [source]
-    while pending:
-        fresh = _imported(pending.pop()) - found
-        found |= fresh
-        pending.extend(fresh)
-    return found
+def _text(source: Path) -> str:
+    """Return the content of a file."""
+    return source.read_text(encoding="utf-8")
 
 
 @cache
-def _imported(source: Path) -> frozenset[Path]:
+def _imported(source: Path, of_kernels: bool) -> frozenset[Path]:
     """Return the files of this package that a file imports at module level."""
     found: set[Path] = set()
-    for module, names in IMPORT.findall(source.read_text(encoding="utf-8")):
+    for module, names in IMPORT.findall(_text(source)):
         path = PACKAGE.joinpath(*module[1:].split("."))
         if (file := path.with_suffix(".py")).is_file():
-            found.add(file)
+            only_named = of_kernels and CLASSES.fullmatch(names) and not KERNEL.search(_text(file))
+            found.update(() if only_named else (file,))
             continue
         candidates = [path / "__init__.py"]
         candidates += [path / f"{name}.py" for name in re.findall(r"\w+", names)]

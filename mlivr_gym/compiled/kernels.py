@@ -19,9 +19,9 @@ from numba import config, njit
 from numba.core import event
 
 from mlivr_gym.compiled.cache import (
+    kernel_digest,
     kernel_folder,
     make_private,
-    source_digest,
     writable_by_others,
 )
 from mlivr_gym.compiled.compiling import compilation
@@ -93,7 +93,7 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     finally:
         settings.CACHE_DIR = given
     if not settings.DISABLE_JIT:
-        offer(compiled, source_digest(Path(function.__code__.co_filename)))
+        offer(compiled, kernel_digest(Path(function.__code__.co_filename)))
     return compiled
 
 

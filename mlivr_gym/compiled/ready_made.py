@@ -86,7 +86,7 @@ def archive() -> zipfile.ZipFile | str:
 def why_compiled(digest: str) -> str:
     """Return why kernels of a first plan must be compiled, empty if the archive has them.
 
-    They are those of sources with a digest, see `cache.source_digest`.
+    They are those of sources with a digest, see `cache.kernel_digest`.
     """
     found = archive()
     if isinstance(found, str):
@@ -108,7 +108,7 @@ def _damaged(error: Exception) -> str:
 def offer(dispatcher: Any, digest: str) -> None:
     """Let a compiled function, a dispatcher of Numba, load its machine code from the archive, too.
 
-    The digest is that of its sources, see `cache.source_digest`.
+    The digest is that of its sources, see `cache.kernel_digest`.
     """
     entry_name = f"{digest}/{dispatcher.py_func.__qualname__}"
     dispatcher._cache = _CacheWithArchive(dispatcher._cache, entry_name)

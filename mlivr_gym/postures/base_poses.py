@@ -30,7 +30,8 @@ from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, m
 from mlivr_gym.postures.records import MapPoints, PostureRule, StanceGeometry
 from mlivr_gym.postures.relabelling import turns_to_mounts
 from mlivr_gym.robot.planning_lengths import geometric_order
-from mlivr_gym.robot.specification import MOST_LIMBS, RobotSpec
+from mlivr_gym.robot.sizes import MOST_LIMBS
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap
 
 if TYPE_CHECKING:

@@ -19,8 +19,8 @@ from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.chain import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
-from mlivr_gym.postures.gaps import cause_at_boxes, limb_gap, pair_gap, place_limb
-from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch
+from mlivr_gym.postures.gaps import PostureSearch, cause_at_boxes, limb_gap, pair_gap, place_limb
+from mlivr_gym.postures.records import Posture, PostureScratch
 from mlivr_gym.postures.rule import next_combination
 
 

@@ -6,12 +6,13 @@ ties between postures.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.collisions.against_boxes import compare_limb_with_boxes, set_grasp_surface
 from mlivr_gym.collisions.against_robot import has_separating_plane
+from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import (
     CLEAR,
     segment_box_distance_squared,
@@ -23,15 +24,34 @@ from mlivr_gym.compiled.bit_sets import below
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.chain import FlangeAxis
 from mlivr_gym.kinematics.inverse import branch_frames
-from mlivr_gym.kinematics.poses import minus, out_of, vector
+from mlivr_gym.kinematics.poses import Pose, minus, out_of, vector
 from mlivr_gym.postures.base_poses import turned
-from mlivr_gym.postures.records import PostureScratch, PostureSearch
+from mlivr_gym.postures.records import PostureRule, PostureScratch, StanceGeometry
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
 TOUCHES = -1.0
 """Distance that stands for a branch that touches a box, or does not exist [m]."""
+
+
+class PostureSearch(NamedTuple):
+    """Inputs of the search for a posture of one stance."""
+
+    robot: RobotModel
+    """The robot."""
+    rule: PostureRule
+    """The rule."""
+    grid: BoxGrid
+    """The boxes."""
+    geometry: StanceGeometry
+    """The grasps of the stance."""
+    given: Pose
+    """Base pose in the world, if the rule has it given."""
+    clearance: float
+    """Clearance to keep [m]; with 0 only penetration counts."""
+    has_boxes: bool
+    """Whether the boxes count."""
 
 
 @kernel

@@ -9,7 +9,6 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.placement import Placed, Shapes
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
@@ -17,7 +16,7 @@ from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.manipulability import Inversion
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.validators import MOST_POSES
 
 Limbs = Annotated[IntArray, (MOST_LIMBS,), np.int64]
@@ -144,25 +143,6 @@ class CandidatePose(Record):
     """How each limb reaches its grasp."""
     margin_bound: float
     """Upper bound of the margin: the minimum over the limbs of their best class."""
-
-
-class PostureSearch(NamedTuple):
-    """Inputs of the search for a posture of one stance."""
-
-    robot: RobotModel
-    """The robot."""
-    rule: PostureRule
-    """The rule."""
-    grid: BoxGrid
-    """The boxes."""
-    geometry: StanceGeometry
-    """The grasps of the stance."""
-    given: Pose
-    """Base pose in the world, if the rule has it given."""
-    clearance: float
-    """Clearance to keep [m]; with 0 only penetration counts."""
-    has_boxes: bool
-    """Whether the boxes count."""
 
 
 class Posture(Record):

@@ -25,9 +25,9 @@ from mlivr_gym.kinematics.chain import FlangeAxis
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
-from mlivr_gym.postures.gaps import self_clearance, touching_limb
+from mlivr_gym.postures.gaps import PostureSearch, self_clearance, touching_limb
 from mlivr_gym.postures.reach import evaluate_reach
-from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch
+from mlivr_gym.postures.records import Posture, PostureScratch
 
 CLEARANCE_TIE = 1e-9
 """Difference up to which clearances of the robot from itself count as equal [m]."""

@@ -18,7 +18,8 @@ from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.postures.base_poses import place, set_pose, set_stance, turn_to_first
 from mlivr_gym.postures.branch_sets import remove_touching, set_branch_sets
-from mlivr_gym.postures.records import Posture, PostureScratch, PostureSearch, PostureWorld
+from mlivr_gym.postures.gaps import PostureSearch
+from mlivr_gym.postures.records import Posture, PostureScratch, PostureWorld
 from mlivr_gym.postures.rule import choose, prepare_candidate
 
 

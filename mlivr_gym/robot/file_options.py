@@ -8,8 +8,8 @@ from typing import Annotated
 
 from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.mounts import MOST_CAPSULES
-from mlivr_gym.robot.validators import MOST_LIMBS, OneOrEach, SizeOrEdges
+from mlivr_gym.robot.sizes import MOST_CAPSULES, MOST_LIMBS
+from mlivr_gym.robot.validators import OneOrEach, SizeOrEdges
 from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 

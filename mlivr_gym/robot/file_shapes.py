@@ -21,7 +21,7 @@ from mlivr_gym.robot.capsule_fit import (
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.default_shapes import gripper_capsule
 from mlivr_gym.robot.file_arms import Tree
-from mlivr_gym.robot.mounts import MOST_CAPSULES
+from mlivr_gym.robot.sizes import MOST_CAPSULES
 
 
 def solid_geoms(model: Any, body: int) -> list[int]:

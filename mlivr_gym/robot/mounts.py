@@ -22,12 +22,10 @@ from mlivr_gym.robot.limb_dynamics import (
     Named,
     arm_dynamics,
 )
+from mlivr_gym.robot.sizes import MOST_CAPSULES
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import FieldPath, ListOf, OrNone, Rotation, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
-
-MOST_CAPSULES = 64
-"""Largest number of collision shapes of a limb: the compiled checks keep them on the stack."""
 
 GivenCapsules = Annotated[tuple[Capsule, ...] | None, OrNone(ListOf(CAPSULE, most=MOST_CAPSULES))]
 """Collision shapes of a limb, or None."""

@@ -36,7 +36,6 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_dynamics,
     check_inertia,
 )
-from mlivr_gym.robot.mounts import MOST_CAPSULES as MOST_CAPSULES
 from mlivr_gym.robot.mounts import (
     MOUNT,
     GivenCapsules,
@@ -45,8 +44,8 @@ from mlivr_gym.robot.mounts import (
     without_none,
 )
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
+from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.validators import APART, MOST_FOLDS, MOST_POSES, PairOf, SizeOrEdges
-from mlivr_gym.robot.validators import MOST_LIMBS as MOST_LIMBS
 from mlivr_gym.robot.visuals import MOST_VISUALS, VISUAL, Visual
 from mlivr_gym.schema import NAME, FieldPath, Integer, ListOf, OrNone, Struct, Text, Tuples
 from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, MIN_SIZE, Triple

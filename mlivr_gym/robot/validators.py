@@ -23,9 +23,6 @@ APART = (
 SMALLEST_BODY = 1e-3
 """Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
 
-MOST_LIMBS = 8
-"""Largest number of limbs of a robot."""
-
 MOST_FOLDS = 4
 """Largest number of entries of `RobotSpec.folds`."""
 

@@ -13,7 +13,7 @@ from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.records import Record, Rows
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.postures.records import Limbs
-from mlivr_gym.robot.specification import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.transitions.departures import Departure
 
 STORED_ALONE, STORED_FIRST = 1, 2

@@ -1,9 +1,19 @@
 """Machine code and tables are kept by the contents of the sources that they depend on."""
 
+import ast
+
 import pytest
 from small_package import package_in, run_with
 
 from mlivr_gym.compiled import cache
+
+ROOT = cache.PACKAGE.resolve().parent
+KERNEL_FILES = [
+    path
+    for folder in (ROOT / "mlivr_gym", ROOT / "planners")
+    for path in sorted(folder.rglob("*.py"))
+    if cache.KERNEL.search(path.read_text(encoding="utf-8"))
+]
 
 
 @pytest.fixture
@@ -12,15 +22,15 @@ def digest(monkeypatch):
 
     def fresh(package):
         monkeypatch.setattr(cache, "PACKAGE", package)
-        cache.source_digest.cache_clear()
+        cache._digest.cache_clear()
         cache._imported.cache_clear()
-        cache._content.cache_clear()
+        cache._text.cache_clear()
         return cache.source_digest(package / "caller.py")
 
     yield fresh
-    cache.source_digest.cache_clear()
+    cache._digest.cache_clear()
     cache._imported.cache_clear()
-    cache._content.cache_clear()
+    cache._text.cache_clear()
 
 
 @pytest.mark.parametrize(
@@ -60,3 +70,45 @@ def test_a_cached_caller_sees_an_edited_callee(tmp_path):
     innermost = package / "part" / "innermost.py"
     innermost.write_text(innermost.read_text().replace("2 * x", "3 * x"))
     assert answer() == ["31", "False"]
+
+
+@pytest.mark.parametrize("path", KERNEL_FILES, ids=lambda path: path.stem)
+def test_classes_of_files_without_kernels_are_in_annotations_alone(path):
+    """The machine code does not depend on them, so that `kernel_digest` need not either."""
+    tree = ast.parse(path.read_text())
+    kept = cache._imported(path, of_kernels=True)
+    for line in tree.body:
+        if isinstance(line, ast.ImportFrom) and (line.module or "").startswith("mlivr_gym."):
+            file = cache.PACKAGE.joinpath(*line.module.split(".")[1:]).with_suffix(".py")
+            if file.is_file() and file not in kept:
+                ignored = {name.asname or name.name for name in line.names}
+                assert not ignored & names_in_kernels(tree), line.module
+
+
+def names_in_kernels(tree):
+    """All names in the statements of compiled functions, but not in their signatures."""
+    functions = (f for f in tree.body if isinstance(f, ast.FunctionDef) and f.decorator_list)
+    kernels = [
+        f
+        for f in functions
+        if {"entry", "kernel", "part"} & {ast.unparse(d) for d in f.decorator_list}
+    ]
+    statements = [statement for f in kernels for statement in f.body]
+    for statement in [node for s in statements for node in ast.walk(s)]:
+        if isinstance(statement, ast.AnnAssign):
+            statement.annotation = ast.Constant(None)
+    nodes = (node for statement in statements for node in ast.walk(statement))
+    return {node.id for node in nodes if isinstance(node, ast.Name)}
+
+
+def test_a_class_imported_for_annotations_changes_tables_but_no_machine_code(tmp_path, digest):
+    package = package_in(tmp_path)
+    (package / "records.py").write_text("class Given:\n    pass\n")
+    caller = package / "caller.py"
+    caller.write_text(f"from mlivr_gym.records import Given\n{caller.read_text()}")
+    before = digest(package), cache.kernel_digest(caller)
+    (package / "records.py").write_text("class Given:\n    field = 1\n")
+    after = digest(package), cache.kernel_digest(caller)
+    assert (after[0] != before[0], after[1] == before[1]) == (True, True)
+    (package / "records.py").write_text("@entry\ndef f():\n    pass\nclass Given:\n    pass\n")
+    assert (digest(package), cache.kernel_digest(caller))[1] != before[1]

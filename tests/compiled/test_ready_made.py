@@ -21,7 +21,7 @@ PACK = """
 from mlivr_gym.caller import outer
 from mlivr_gym.compiled import cache, ready_made
 outer(1)
-digest = cache.source_digest(cache.PACKAGE / "caller.py")
+digest = cache.kernel_digest(cache.PACKAGE / "caller.py")
 ready_made.archive_path().parent.mkdir()
 ready_made.archive_path().write_bytes(ready_made.pack(cache.kernel_root(), ["none"], digest))
 print(ready_made.archive_path())
@@ -40,7 +40,7 @@ from numba.core import event
 with event.install_listener("numba:compile", event.RecordingListener()) as compiled:
     print(outer(1))
 print(len(compiled.buffer) // 2)
-print(ready_made.why_compiled(cache.source_digest(cache.PACKAGE / "caller.py")))
+print(ready_made.why_compiled(cache.kernel_digest(cache.PACKAGE / "caller.py")))
 """
 
 
@@ -116,7 +116,7 @@ def why(packed, tmp_path, monkeypatch):
     """Why an archive, altered by a function, is not used; its path."""
     path = shutil.copy(archive_of(packed), tmp_path / "archive.zip")
     monkeypatch.setattr(ready_made, "archive_path", lambda: path)
-    digest = cache.source_digest(packed / "caller.py")
+    digest = cache.kernel_digest(packed / "caller.py")
 
     def told():
         ready_made.archive.cache_clear()
@@ -228,7 +228,7 @@ def counts(path, **variables):
 
 @pytest.mark.parametrize("path", ENTRIES)
 def test_default_paths_compile_nothing_on_a_fresh_machine(path, tmp_path):
-    why = ready_made.why_compiled(cache.source_digest(ready_made.FIRST_PLAN))
+    why = ready_made.why_compiled(cache.kernel_digest(ready_made.FIRST_PLAN))
     if why:
         pytest.skip(f"ready-made machine code cannot be used: {why}; `make kernels`")
     asked, *compiling = counts(path, MLIVR_GYM_CACHE=str(tmp_path))

@@ -29,12 +29,12 @@ def archive(path, version, digests):
 
 
 def test_functions_of_other_sources_are_counted(pinned, tmp_path):
-    here = cache.source_digest(RULE)
+    here = cache.kernel_digest(RULE)
     assert ready_made.faults(archive(tmp_path / "a.zip", pinned, [here])) == []
     found = ready_made.faults(archive(tmp_path / "b.zip", pinned, [here, "0" * 16]))
     assert found == ["1 of 2 functions are of other sources"]
 
 
 def test_a_numba_that_is_not_installed_with_the_package_is_told(pinned, tmp_path):
-    path = archive(tmp_path / "a.zip", "0.1", [cache.source_digest(RULE)])
+    path = archive(tmp_path / "a.zip", "0.1", [cache.kernel_digest(RULE)])
     assert ready_made.faults(path) == [f"it is for Numba 0.1, constraints.txt has {pinned}"]
