@@ -10,7 +10,7 @@ from mlivr_gym.errors import MlivrError, SettingError, shortened
 from mlivr_gym.schema import FieldPath, Flag, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH
 
-GRAPH_RULES = 5
+GRAPH_RULES = 6
 """Version of the rules by which postures and steps are chosen; version 0.1.0 had rules 1.
 
 The number is raised whenever the same map and robot give other postures or steps. Plans,

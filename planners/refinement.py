@@ -313,12 +313,9 @@ class _Footholds:
         """Yield the nodes that the first pending steps lead to, if they are edges."""
         graph, node, rows = self.graph, ahead.node, ahead.rows[:STEP_BATCH]
         if graph.settings.transitions:
-            here, branch_sets = (
-                np.full(len(rows), node.row),
-                np.tile(node.branch_sets, (len(rows), 1)),
-            )
-            steps = graph.checks.steps(stances, here, rows, branch_sets)
-            branch_sets = graph.branch_sets_of_steps(steps, stances)
+            before = np.tile(np.array(node.branch_sets, dtype=np.int64), (len(rows), 1))
+            steps = graph.checks.steps(stances, np.full(len(rows), node.row), rows)
+            branch_sets = graph.branch_sets_of_steps(steps, stances, before)
         else:
             branch_sets = stances.branch_sets[rows]
         positions = postures.base_position

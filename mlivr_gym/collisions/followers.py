@@ -9,7 +9,6 @@ import numpy as np
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import check_line, check_middles
-from mlivr_gym.collisions.joint_lines import STRAIGHT
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
@@ -34,7 +33,7 @@ def set_follower(i: int, flange: Pose, lines: LineScratch) -> None:
     """Let limb `i` hold a flange pose in the world while the base moves straight."""
     line = lines.line
     held = line.held[i]
-    line.leader, line.follows = STRAIGHT, line.follows | only(i)
+    line.moves, line.follows = True, line.follows | only(i)
     for k in range(3):
         held.position[k] = flange.position[k]
         for c in range(3):

@@ -32,7 +32,6 @@ from mlivr_gym.collisions.compared import (
 )
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
-    STRAIGHT,
     LimbPlace,
     base_travel,
     travel,
@@ -70,12 +69,12 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
     Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
     """
     line, most, parts = scratch.line, 0.0, 1
-    if line.leader == STRAIGHT:
+    if line.moves:
         path = line.path
         shift = length(minus(vector(path.last.position), vector(path.first.position)))
         most = FIRST_TURN * (shift / FIRST_SHIFT + path.angle)
     for i in range(robot.limb_count):
-        if has(scratch.compared.boxes | scratch.compared.itself, i) and line.leader != STRAIGHT:
+        if has(scratch.compared.boxes | scratch.compared.itself, i) and not line.moves:
             turned = 0.0
             for j in range(6):
                 turned += abs(line.last[i].q[j] - line.first[i].q[j])
@@ -167,36 +166,23 @@ def _halve(first: LineInterval, second: LineInterval) -> None:
 def _compare(
     robot: RobotModel, grid: BoxGrid, clearance: float, interval: LineInterval, scratch: LineScratch
 ) -> int:
-    """Make the comparisons that remain for an interval, and remove those that are clear.
-
-    The base and its leader come first.
-    """
-    scratch.is_leader = True
+    """Make the comparisons that remain for an interval, and remove those that are clear."""
     if interval.base:
         result = _compare_base(robot, grid, clearance, interval.half, scratch)
         if result > UNDECIDED:
             return result
         interval.base = result == UNDECIDED
-    leader, undecided = scratch.line.leader, interval.base
-    if leader >= 0:
-        result = _compare_limb(leader, robot, grid, clearance, interval, scratch)
+    undecided = interval.base
+    for i in range(robot.limb_count):
+        result = _compare_limb(i, robot, grid, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
         undecided = undecided or result == UNDECIDED
-    leads = undecided
-    scratch.is_leader = False
-    for i in range(robot.limb_count):
-        if i != leader:
-            result = _compare_limb(i, robot, grid, clearance, interval, scratch)
-            if result > UNDECIDED:
-                return result
-            undecided = undecided or result == UNDECIDED
     if interval.limbs:
         result = _compare_others(robot, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
         undecided = undecided or result == UNDECIDED
-    scratch.is_leader = leads
     return UNDECIDED if undecided else CLEAR
 
 
@@ -225,10 +211,7 @@ def _compare_base(
 @kernel
 def _with_base(half: float, p: Triple, scratch: LineScratch) -> float:
     """Bound how far a point of the body travels in the world on half an interval [m]."""
-    leader = scratch.line.leader
-    if leader >= 0:
-        return travel(scratch.placed[leader], 0, 6, p)
-    return base_travel(scratch.move, half, p) if leader == STRAIGHT else 0.0
+    return base_travel(scratch.move, half, p) if scratch.line.moves else 0.0
 
 
 @kernel
@@ -275,12 +258,11 @@ def _compare_with_boxes(
 ) -> tuple[int, int]:
     """Compare capsules of a limb with boxes; return a result and those that are undecided."""
     line, base, half, undecided = scratch.line, scratch.base, interval.half, EMPTY
-    holds = line.leader == limb.index or has(line.follows, limb.index)
     for c in range(limb.capsule_count):
         if not has(interval.boxes[limb.index], c):
             continue
         capsule, (a, b) = limb.capsules[c], axis_of(placed.in_body.ends, c)
-        if holds and (capsule.link >= HALFWAY or line.leader >= 0):
+        if has(line.follows, limb.index) and capsule.link >= HALFWAY:
             # Seen from its grasp, the joints beyond the link move it.
             at_a, at_b = travel(placed, capsule.link, 6, a), travel(placed, capsule.link, 6, b)
         else:

@@ -1,8 +1,7 @@
 """Places of the robot on a line in joint space, and how far shapes travel from there (compiled).
 
 Every motion is made of pieces on which the joint angles of limbs change linearly. The base rests;
-or a limb that holds a grasp, the leader, carries it on its own line; or it moves straight, and the
-limbs that hold follow it, see `kinematics.following`.
+or it moves straight, and the limbs that hold follow it, see `kinematics.following`.
 
 **Travel.** A point that a chain of joints carries is `p = T_1 .. T_n x`. Let joint j be turned by
 `d_j` against the middle of a piece. The difference of p from its place in the middle telescopes:
@@ -41,22 +40,14 @@ from mlivr_gym.robot.sizes import MOST_LIMBS
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
 
-RESTING, STRAIGHT = -1, -2
-"""Leaders of a line on which the base rests, and of one on which it moves straight."""
-
-FLANGE = 6
-"""Row of the flange among the frames of links."""
-
 
 class JointLine(Record):
-    """A line in joint space of the limbs that take part, and what carries the base."""
+    """A line in joint space of the limbs that take part, and the base."""
 
-    leader: int
-    """Limb whose grasp carries the base, `RESTING` or `STRAIGHT`."""
-    grasp: Pose
-    """Flange of the leader in the world."""
+    moves: bool
+    """Whether the base moves; else it rests."""
     path: BasePath
-    """Way of a base that moves straight."""
+    """Its straight way, if it moves."""
     follows: int
     """Set of the limbs that hold and follow it."""
     held: Annotated[Rows[Pose], (MOST_LIMBS,)]
@@ -159,27 +150,6 @@ def travel(placed: LimbPlace, first: int, stop: int, p: Triple) -> float:
             away = cross(vector(joints.axis[j]), minus(p, vector(joints.point[j])))
             total += placed.change[j] * length(away)
     return total
-
-
-@kernel
-def place_base(limb: LimbModel, placed: LimbPlace, grasp: Pose, base: Pose) -> None:
-    """Compute the base in the world of a limb whose flange is at a grasp."""
-    frames, mount = placed.frames, limb.mount
-    o = vector(mount.position)
-    x, y, z = (
-        minus(out_of(mount, vector(frames[FLANGE, 1])), o),
-        minus(out_of(mount, vector(frames[FLANGE, 2])), o),
-        minus(out_of(mount, vector(frames[FLANGE, 3])), o),
-    )
-    p, g = out_of(mount, vector(frames[FLANGE, 0])), grasp.rotation
-    for row in range(3):
-        at = grasp.position[row]
-        for k in range(3):
-            # Rotations: base in world = grasp in world times the transpose of flange in body.
-            turned = g[row, 0] * x[k] + g[row, 1] * y[k] + g[row, 2] * z[k]
-            base.rotation[row, k] = turned
-            at -= turned * p[k]
-        base.position[row] = at
 
 
 @kernel

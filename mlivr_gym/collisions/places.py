@@ -15,13 +15,11 @@ from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.compared import Compared, LineInterval, RestingLimbs
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
 from mlivr_gym.collisions.joint_lines import (
-    STRAIGHT,
     BaseMove,
     JointLine,
     LimbPlace,
     hold,
     may_leave,
-    place_base,
     place_capsules,
     place_follower,
     place_limb,
@@ -88,8 +86,6 @@ class LineScratch(Record):
     """Stack of intervals."""
     pending: LineInterval
     """The comparisons that remain for all of several lines."""
-    is_leader: bool
-    """Whether it was the base or its leader, without the other limbs, that was not clear."""
 
 
 @kernel
@@ -103,27 +99,24 @@ def place_robot(robot: RobotModel, interval: LineInterval, scratch: LineScratch)
     in_world = interval.base
     for i in range(robot.limb_count):
         in_world = in_world or interval.boxes[i] != 0
-    if line.leader == STRAIGHT:
+    if line.moves:
         pose_on_path(line.path, interval.middle, base)
         set_move(line, base, scratch.move)
+    elif in_world:
+        for k in range(3):
+            base.position[k] = line.base.position[k]
+            for c in range(3):
+                base.rotation[k, c] = line.base.rotation[k, c]
     result = CLEAR
     for i in range(robot.limb_count):
         # All capsules of a limb are needed where others are compared with them.
         capsules = interval.boxes[i] | interval.body[i]
         if interval.itself[i] or (interval.limbs and i in (compared.first, compared.second)):
             capsules = EVERY
-        if capsules or has(compared.placed, i) or (in_world and i == line.leader):
+        if capsules or has(compared.placed, i):
             result = max(result, _place_limb(i, robot, interval, capsules, scratch))
             if result > UNDECIDED:
                 return result
-    if in_world and line.leader >= 0:
-        leader = robot.limbs[line.leader]
-        place_base(leader, scratch.placed[line.leader], line.grasp, base)
-    elif in_world and line.leader != STRAIGHT:
-        for k in range(3):
-            base.position[k] = line.base.position[k]
-            for c in range(3):
-                base.rotation[k, c] = line.base.rotation[k, c]
     return result
 
 
@@ -134,7 +127,7 @@ def _place_limb(
     """Place a limb in the middle of an interval, unless it is stored; see `place_robot`."""
     line, limb, number = scratch.line, robot.limbs[i], interval.number
     scratch.at[i] = i
-    if line.leader != STRAIGHT:
+    if not line.moves:
         place_limb(limb, line, interval.middle, interval.half, capsules, scratch.placed[i])
         return CLEAR
     follows = has(line.follows, i)

@@ -44,11 +44,6 @@ def bits_of(branch_set: int) -> list[int]:
     return [bit for bit in range(2 * BRANCHES) if int(branch_set) >> bit & 1]
 
 
-def codes_of(codes: int) -> list[int]:
-    """Return the codes of all branches, see `code_of`."""
-    return [int(codes) >> 4 * branch & 15 for branch in range(BRANCHES)]
-
-
 @kernel
 def has(items: int, k: int) -> bool:
     """Return whether a set contains item `k`."""
@@ -101,18 +96,6 @@ def whole_class(choice: int) -> int:
 def class_of(branch: int) -> int:
     """Return the class of a branch."""
     return branch >> 1
-
-
-@kernel
-def code_of(codes: int, branch: int) -> int:
-    """Return the code of a branch, one of 16, from a number with a code for each."""
-    return (codes >> (4 * branch)) & 15
-
-
-@kernel
-def with_code(codes: int, branch: int, code: int) -> int:
-    """Return a number with a code for each branch in which one is changed."""
-    return codes & ~(15 << (4 * branch)) | code << (4 * branch)
 
 
 @kernel

@@ -24,8 +24,7 @@ from mlivr_gym.motion.paper_motion import paper_path
 from mlivr_gym.motion.plan_parts import Motion, Step, step_along
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.straight_base import FollowingSupports
-from mlivr_gym.motion.support_line import SupportLine
-from mlivr_gym.motion.swings import Supports, SwingFinder, swing_knot
+from mlivr_gym.motion.swings import SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
@@ -74,16 +73,11 @@ def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Comm
         yield Committed(_unchecked_path(graph, ends), "unchecked")
         return
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
-    supports = _supports(graph, ends)
+    supports = FollowingSupports(graph, ends)
     finder = SwingFinder(graph, ends, supports)
     for swing in finder.swings(lifts[0][-1], lifts[1][-1], edge):
         parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
         yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
-
-
-def _supports(graph: StanceGraph, ends: StepEnds) -> Supports:
-    """Return how the supports and the base move during a step."""
-    return SupportLine(graph, ends) if graph.limbs == 2 else FollowingSupports(graph, ends)
 
 
 def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
@@ -96,7 +90,7 @@ def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
             return paper_path(graph, ends)
         lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
         above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
-        return step_path(graph, ends, lifts, [_supports(graph, ends).knots(*above)])
+        return step_path(graph, ends, lifts, [FollowingSupports(graph, ends).knots(*above)])
     except PlanError:
         return None
 

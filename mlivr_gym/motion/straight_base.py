@@ -1,4 +1,4 @@
-"""The way of the base of three limbs and more: knots of supports by inverse kinematics.
+"""The way of the base during a step: knots of supports by inverse kinematics.
 
 The base moves on the straight way on which the step was checked, and the support limbs follow on
 their branches. How far a line between two knots is from the motion that was checked is measured in
@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.joint_lines import STRAIGHT
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
@@ -39,7 +38,7 @@ JointCurve = Callable[[Array], Array]
 
 
 class FollowingSupports:
-    """Support limbs that follow the base on its straight way; see `swings.Supports`."""
+    """Support limbs that follow the base on its straight way while one limb swings."""
 
     def __init__(self, graph: StanceGraph, ends: StepEnds) -> None:
         """Prepare a step with given ends."""
@@ -47,7 +46,7 @@ class FollowingSupports:
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._lines, out = LineScratch.rows(1), Angles.rows(8)
         self._line = line = self._lines[0]["line"]
-        line["leader"] = STRAIGHT
+        line["moves"] = True
         for limb, point in enumerate(ends.after):
             if limb != ends.limb:
                 flange, branch = graph.solver.grasps[point]["flange"], ends.branches[limb]

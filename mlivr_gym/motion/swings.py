@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,22 +32,13 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import poses
 from mlivr_gym.motion.step_ends import StepEnds
+from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
 
 SAME_KNOT = 1e-9
 """Swing knots that differ by less are equal [1, rad]."""
-
-
-class Supports(Protocol):
-    """The support limbs of a step, and with them the base, while one limb swings."""
-
-    def is_clear(self, a: Array, b: Array) -> bool:
-        """Return whether the robot keeps the clearance on the line between two swing knots."""
-
-    def knots(self, a: Array, b: Array) -> Array:
-        """Return the knots from one swing knot to the next, shape (k, N, 6) [rad]."""
 
 
 class Swing(NamedTuple):
@@ -60,7 +51,7 @@ class Swing(NamedTuple):
 class SwingFinder:
     """Search for the swing of one step beside its support limbs."""
 
-    def __init__(self, graph: StanceGraph, ends: StepEnds, supports: Supports) -> None:
+    def __init__(self, graph: StanceGraph, ends: StepEnds, supports: FollowingSupports) -> None:
         """Prepare the step with given ends."""
         self._ends, self._supports = ends, supports
         self._robots, self._grasps = graph.checks.robots, graph.solver.grasps

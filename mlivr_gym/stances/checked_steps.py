@@ -15,7 +15,6 @@ from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceArrays
-from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
 Pieces = Callable[[str, int], Iterable[slice]]
@@ -91,8 +90,8 @@ class CheckedSteps(ChangingWorld):
         points = np.concatenate([np.array([s.stance for s in states], dtype=np.int64), stances])
         found = self.checks.stances(points, join(here, after))
         branch_sets = np.array([s.branch_sets for s in states], dtype=np.int64)[before]
-        steps = self.checks.steps(found, before, np.arange(len(states), len(points)), branch_sets)
-        return self.branch_sets_of_steps(steps, found)
+        steps = self.checks.steps(found, before, np.arange(len(states), len(points)))
+        return self.branch_sets_of_steps(steps, found, branch_sets)
 
     def successors_by_pieces(self, state: State, pieces: Pieces) -> Successors:
         """Return all steps that leave a state, checked piece by piece."""
@@ -107,10 +106,11 @@ class CheckedSteps(ChangingWorld):
         point, position = stances[kept, limb], postures.base_position[kept]
         return Successors(limb, point, position, branch_sets[kept])
 
-    def branch_sets_of_steps(self, steps: Any, stances: StanceArrays) -> IntArray:
+    def branch_sets_of_steps(self, steps: Any, stances: StanceArrays, before: IntArray) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
-        The steps are those of `StepChecks.steps`; stances receive the releases that are computed.
+        The steps are those of `StepChecks.steps`, the branch sets before them have shape (k, N);
+        stances receive the releases that are computed.
         """
         world = self.checks.world(self.obstacle_grid)
         able = np.arange(len(steps))
@@ -118,20 +118,23 @@ class CheckedSteps(ChangingWorld):
             # Releases take longer to compute than whether the support limbs can follow.
             able = np.flatnonzero(self.checks.can_follow(steps, stances, world))
         if self.settings.collisions:
-            able = self._releasable_steps(stances, steps, able)
+            able = self._releasable_steps(stances, steps, able, before)
         chosen = steps[able]
         self.checks.check(chosen, stances, world)
-        kept, rows, limb = chosen["kept"][:, : self.limbs], np.arange(len(able)), chosen["limb"]
+        kept, limb = chosen["kept"][:, : self.limbs] & before[able], chosen["limb"]
         branch_sets: IntArray = np.zeros((len(steps), self.limbs), dtype=np.int64)
         branch_sets[able] = kept
         grasped = stances.releases["branches"] if self.settings.collisions else stances.branch_sets
-        branch_sets[able[rows], limb] = grasped[chosen["after"], limb] * kept.any(axis=1)
+        branch_sets[able, limb] = grasped[chosen["after"], limb]
+        branch_sets[~branch_sets.all(axis=1)] = 0
         return branch_sets
 
-    def _releasable_steps(self, stances: StanceArrays, steps: Any, able: IntArray) -> IntArray:
+    def _releasable_steps(
+        self, stances: StanceArrays, steps: Any, able: IntArray, before: IntArray
+    ) -> IntArray:
         """Return the indices of steps whose limb can be released before and after them.
 
-        The releases of these limbs are then known.
+        The releases of these limbs are then known. Branch sets before steps have shape (k, N).
         """
         for end in ("before", "after"):
             row, limb = steps[end][able], steps["limb"][able]
@@ -139,27 +142,26 @@ class CheckedSteps(ChangingWorld):
                 self._check_releases(stances, np.unique(np.stack([row, limb], axis=1), axis=0))
             branches = stances.releases["branches"][row, limb]
             if end == "before":
-                both = zip(steps["branches"][able, limb].tolist(), branches.tolist(), strict=True)
-                able = able[np.array([can_release(*pair) for pair in both], dtype=np.bool_)]
+                able = able[before[able, limb] & branches != 0]
             else:
                 able = able[branches != 0]
         return able
 
     def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """Return the edge of a step: its way of the base, its swing and the branches kept.
+        """Return the edge of a step on which supports keep the branches of a state at most.
 
         `posture` has the postures of both stances.
         """
         points = np.array([state.stance, tuple(after)], dtype=np.int64)
         stances = self.checks.stances(points, posture)
-        first, last = np.zeros(1, dtype=np.int64), np.ones(1, dtype=np.int64)
-        steps = self.checks.steps(stances, first, last, np.array([state.branch_sets]))
-        steps["fixed"] = True
+        steps = self.checks.steps(stances, np.zeros(1, np.int64), np.ones(1, np.int64))
+        limb = int(steps["limb"][0])
         if self.settings.collisions:
-            limb = int(steps["limb"][0])
             self._check_releases(stances, np.array([[0, limb], [1, limb]]))
+        branch_sets = np.tile(np.array(state.branch_sets, dtype=np.int64), (2, 1))
+        stances = stances._replace(branch_sets=branch_sets)
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
-        return edge_of(steps[0], self.limbs)
+        return edge_of(steps[0])
 
 
 def join(*groups: Postures) -> Postures:

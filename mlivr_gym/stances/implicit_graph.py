@@ -207,13 +207,9 @@ class ImplicitGraph(StanceGraph):
         after = np.arange(1, len(rows))
         vacant = ~np.isin(stances.points[after], list(self.occupied)).any(axis=1)
         limb, after = moves.limb[vacant], after[vacant]
-        before, branch_sets = (
-            np.zeros_like(after),
-            np.tile(np.array(state.branch_sets), (len(after), 1)),
-        )
-        found = self.branch_sets_of_steps(
-            self.checks.steps(stances, before, after, branch_sets), stances
-        )
+        steps = self.checks.steps(stances, np.zeros_like(after), after)
+        before = np.tile(np.array(state.branch_sets, dtype=np.int64), (len(after), 1))
+        found = self.branch_sets_of_steps(steps, stances, before)
         kept = found.all(axis=1)
         limb, after = limb[kept], after[kept]
         return Successors(

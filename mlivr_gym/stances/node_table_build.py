@@ -135,7 +135,7 @@ def kept_at_most(
     stances = node_stances(graph.grasp_map, graph.robot, table, rows, relabellings)
     branch_sets, (one, other) = stances.branch_sets, pairs.T
     first = (moved - relabellings + 1)[one]  # the limb after the swing limb
-    steps = graph.checks.steps(stances, one, other, branch_sets[one])
+    steps = graph.checks.steps(stances, one, other)
     graph.checks.relax(steps, stances, graph.checks.world(None))
     of_supports = relabelled(steps["kept"][:, : graph.limbs], first)[:, :-1]
     kept = packed(of_supports)

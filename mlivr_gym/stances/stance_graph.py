@@ -365,8 +365,8 @@ class StanceGraph(CheckedSteps):
             found = postures.branch_sets[k + 1]
             if self.settings.transitions:
                 before, branch_sets = rows[k : k + 1], np.array([states[-1].branch_sets])
-                step = self.checks.steps(known, before, before + 1, branch_sets)
-                found = self.branch_sets_of_steps(step, known)[0]
+                step = self.checks.steps(known, before, before + 1)
+                found = self.branch_sets_of_steps(step, known, branch_sets)[0]
             if not found.all():
                 break
             states.append(State(stances[k], tuple(found.tolist())))

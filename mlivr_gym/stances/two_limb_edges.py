@@ -10,21 +10,10 @@ import numpy as np
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
-from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
-from mlivr_gym.transitions.edge import Edge, edge_alone, is_told_apart
-from mlivr_gym.transitions.records import (
-    STORED_ALONE,
-    STORED_FIRST,
-    StanceArrays,
-    StepRecord,
-    WorldRecord,
-)
+from mlivr_gym.transitions.records import StanceArrays, StepRecord, WorldRecord
 from mlivr_gym.transitions.step_check import StepChecks
-
-FLIPS_OF_FIRST = np.int64(0x0101)
-"""Branch set of branch 0 with both flips, see `bit_sets.both_flips`."""
 
 
 class TwoLimbEdges:
@@ -60,16 +49,6 @@ class TwoLimbEdges:
     def index(self, support: Any, before: Any, after: Any) -> Any:
         """Return the index of steps, of numbers or arrays; see `two_limb_steps.edge_indices`."""
         return edge_indices(support, before, after, self.table)
-
-    def edge(self, branch_set: int, support: int, before: int, after: int) -> Edge | None:
-        """Return the edge of a step for the branches of the support limb; check it if unknown.
-
-        None if its swing does not follow from what is stored.
-        """
-        self.check_steps(*(np.array([one]) for one in (support, before, after)))
-        found = self.table.edges[self.index(support, before, after)]
-        kept = branch_set & int(found["kept"])
-        return edge_alone(support, kept, found) if is_told_apart(kept, found) else None
 
     @property
     def checked(self) -> IntArray:
@@ -129,17 +108,14 @@ class TwoLimbEdges:
 
     def _steps(self, support: IntArray, before: IntArray, after: IntArray) -> Any:
         """Return rows of `StepRecord` to be checked, in half the time of `StepChecks.steps`."""
-        steps, sets = StepRecord.rows(len(support)), self.stances.branch_sets
+        steps = StepRecord.rows(len(support))
         steps["limb"], steps["before"], steps["after"] = 1 - support, before, after
-        steps["branches"][:, :2] = sets[before] & sets[after]
         return steps
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
         """Store results of steps, rows of `TwoLimbEdge`, both ways; return the indices, (2, k)."""
         there, back = self.index(support, before, after), self.index(support, after, before)
         self.table.edges[there] = found
-        first, last = found["line_branches"] // 8, found["line_branches"] % 8
-        found["line_branches"] = np.where(found["line_branches"] < 0, -1, 8 * last + first)
         self.table.edges[back] = found
         return np.stack([there, back])
 
@@ -203,30 +179,15 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             return index, found
         edges = self.free.edges_among_obstacles
         before, after, index = stored = self.checked
-        lasts = (edges["kept"][index] == 0) & self._stay_blocked(before, after, index)
-        lasts = (lasts | ~(close[before] | close[after])) & (not everything)
+        # A motion that is blocked stays so.
+        lasts = (edges["kept"][index] == 0) | ~(close[before] | close[after])
+        lasts &= not everything
         self._stored[:] = [stored[:, lasts]]
         forgotten = index[~lasts]
         index = np.unique(forgotten[(edges["kept"][forgotten] != 0) & (not everything)])
         found = edges[index]
         edges[forgotten] = _as_bounds(self.free.table.edges[forgotten])
         return index, found
-
-    def _stay_blocked(self, before: IntArray, after: IntArray, index: IntArray) -> BoolArray:
-        """Return which edges stay blocked among more obstacles if they are now, shape (k,).
-
-        A motion that is blocked stays so. But a limb that can no longer fold may be released on
-        another branch, from or to which its swing is clear.
-        """
-        points, line = self.table.points, self.free.table.edges["line_branches"][index]
-        moving = np.argmax(points[before] != points[after], axis=1)
-        lasts = np.ones(len(index), dtype=np.bool_)
-        for s, branch in (before, line // BRANCHES), (after, line % BRANCHES):
-            release = self._before[s, moving]
-            is_on_line = release["branches"] & (FLIPS_OF_FIRST << np.maximum(branch, 0)) != 0
-            is_stuck = release["known"] & (release["branches"] == 0)
-            lasts &= (line < 0) | is_on_line | is_stuck
-        return np.asarray(lasts)
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
         """Store the results of steps, and which they are; see `TwoLimbEdges`."""
@@ -298,7 +259,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             releases["known"][unknown] = False
         for _ in range(2):
             steps = support[able], before[able], after[able]
-            found[able] = self._among(*steps, free[able], self._world, STORED_FIRST)
+            found[able] = self._among(*steps, free[able], self._world)
             able = able[found["kept"][able] != 0]
             ends = after[able], moving[able]
             assumed = releases["branches"][ends], releases["folds"][ends]
@@ -322,7 +283,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         found, steps = rows[place[known]], (support[known], before[known], after[known])
         for end in steps[1:]:
             self._released(end, 1 - steps[0])
-        now = self._among(*steps, found, self._added, STORED_ALONE)
+        now = self._among(*steps, found, self._world)
         same = now["kept"] == found["kept"]
         self._store(steps[0][same], steps[1][same], steps[2][same], found[same])
         support, before, after = np.delete(np.stack([support, before, after]), known[same], axis=1)
@@ -335,22 +296,19 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         return releases["branches"][s, limb], releases["folds"][s, limb]
 
     def _among(
-        self, support: IntArray, before: IntArray, after: IntArray, stored: Any,
-        world: WorldRecord, recheck: int,
-    ) -> Any:  # fmt: skip
+        self, support: IntArray, before: IntArray, after: IntArray, stored: Any, world: WorldRecord
+    ) -> Any:
         """Return the edges of steps among the obstacles of a world, rows of `TwoLimbEdge`, (k,).
 
-        Known without them are those that are `stored`; for `recheck` see `StepRecord`. The releases
-        are those known so far.
+        Known without them are those that are `stored`. The releases are those known so far.
         """
-        found = stored.copy()
+        found, kept = stored.copy(), stored["kept"]
         close = np.flatnonzero(self.close[before] | self.close[after])
-        support, stored = support[close], stored[close]
-        steps, rows = self._steps(support, before[close], after[close]), np.arange(len(close))
-        steps["recheck"], steps["kept"][rows, support] = recheck, stored["kept"]
-        steps["swings"], steps["line_branches"] = stored["swings"], stored["line_branches"]
+        support = support[close]
+        steps = self._steps(support, before[close], after[close])
         self.checks.check(steps, self.stances, world)
         found[close] = _edges_of(steps, support)
+        found["kept"] &= kept
         return found
 
 
@@ -358,7 +316,6 @@ def _edges_of(steps: Any, support: IntArray) -> Any:
     """Return the edges of checked steps, rows of `TwoLimbEdge`, shape (k,)."""
     found = TwoLimbEdge.rows(len(steps))
     found["known"], found["kept"] = 1, steps["kept"][np.arange(len(steps)), support]
-    found["swings"], found["line_branches"] = steps["swings"], steps["line_branches"]
     return found
 
 

@@ -32,7 +32,6 @@ from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObst
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
-from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.boxes import Box
@@ -279,15 +278,6 @@ class TwoLimbGraph(StanceGraph):
         if s < 0:
             return super().releasable_branches(stance, posture, limb)
         return self._releasable_now(s, limb)
-
-    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """Return the edge of a step; see `StanceGraph.edge`."""
-        s0, s1 = self._node(state.stance, posture), self._node(after, posture, 1)
-        found, is_known = None, self.settings.collisions and self.settings.transitions
-        if is_known and s0 >= 0 and s1 >= 0:
-            support = 1 - moving_limb(state.stance, tuple(after))
-            found = self._known.edge(state.branch_sets[support], support, s0, s1)
-        return super().edge(state, after, posture) if found is None else found
 
     @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:

@@ -1,7 +1,7 @@
 """Edges of two limbs, and the steps that leave a state along them (compiled).
 
 The edge table has a record for each ordered pair of stances of a row, which `TwoLimbGraph` fills on
-demand with the results of `transitions.line_steps`.
+demand with the results of `transitions.steps`.
 """
 
 from __future__ import annotations
@@ -21,14 +21,9 @@ class TwoLimbEdge(Record):
     """Edge from a stance to another one of the row of its support limb, once it is checked."""
 
     kept: Annotated[int, np.uint16]
-    """Holds, branches and flips, on which the support limb has a clear line; 0 if there is no
-    edge."""
-    known: Annotated[int, np.int8]
+    """Branches and flips that the support limb keeps; 0 if there is no edge."""
+    known: Annotated[int, np.uint16]
     """1 if the edge was checked."""
-    line_branches: Annotated[int, np.int8]
-    """Branches between which the other limb can swing along a line, `8 * before + after`, or -1."""
-    swings: Annotated[int, np.uint32]
-    """For each branch of the support, four bits with the code of its swing, see `line_steps`."""
 
 
 class TwoLimbTable(NamedTuple):

@@ -64,7 +64,7 @@ def encode(graph: StanceGraph, stances: TwoLimbStances) -> Arrays:
         "manipulability_index": index.reshape(-1).astype(np.int32),
     }
     if stances.edges is not None:
-        edges, edge_index = np.unique(stances.edges.view(np.uint64), return_inverse=True)
+        edges, edge_index = np.unique(stances.edges.view(np.uint32), return_inverse=True)
         arrays |= {
             "edges": edges.view(TwoLimbEdge.dtype),
             "edge_index": edge_index.astype(np.min_scalar_type(len(edges))),
@@ -92,9 +92,7 @@ def decode(graph: StanceGraph, arrays: Arrays) -> TwoLimbStances:
         edges, edge_index = arrays["edges"], arrays["edge_index"]
         # NumPy writes these types without their alignment, and some files have another field name.
         edges, releases = edges.view(TwoLimbEdge.dtype), releases.copy().view(ReleaseRecord.dtype)
-        every = (len(edges),)
         check_arrays(
-            (edges["line_branches"], every, -1, BRANCHES * BRANCHES),
             (releases["root"], (n, 2), 0, folds), (releases["via"], (n, 2, BRANCHES), 0, folds),
             (releases["branches"], (n, 2), 0, ALL + 1), (releases["known"], (n, 2), 1, 2),
             (releases["folds"], (n, 2), 0, 1 << folds),
@@ -129,7 +127,7 @@ def _each(edges: Any, index: NDArray[np.unsignedinteger]) -> Any:
     """
     if index.dtype.kind != "u" or index.max(initial=0) >= len(edges):
         raise ValueError
-    values, out = edges.view(np.uint64), np.empty(len(index), dtype=np.uint64)
+    values, out = edges.view(np.uint32), np.empty(len(index), dtype=np.uint32)
     for first in range(0, len(index), AT_ONCE):
         some = slice(first, first + AT_ONCE)
         np.take(values, index[some], out=out[some], mode="clip")

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.joint_lines import FLANGE
 from mlivr_gym.collisions.limb_shapes import LimbModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, only
 from mlivr_gym.compiled.kernels import entry, kernel
@@ -53,6 +52,10 @@ class Departure(Record):
     """Scratch: joint angles in the middle of a piece [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
     """Scratch: link frames there, see `chain.link_frames`."""
+
+
+FLANGE = 6
+"""Row of the flange among the frames of links."""
 
 
 @kernel

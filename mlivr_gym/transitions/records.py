@@ -16,9 +16,6 @@ from mlivr_gym.postures.records import Limbs
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.transitions.departures import Departure
 
-STORED_ALONE, STORED_FIRST = 1, 2
-"""Values of `StepRecord.recheck`."""
-
 
 class ReleaseRecord(Record):
     """Branches on which a limb can be released at a stance and between which it can then change."""
@@ -84,21 +81,11 @@ class StepRecord(Record):
     """Stance before the step."""
     after: int
     """Stance after the step."""
-    branches: Limbs
-    """Branches that each support limb may be on."""
-    fixed: bool
-    """Whether the limbs are on just these branches, whichever the stance after has."""
-    recheck: int
-    """Of two limbs: 0 if the edge is not known; `STORED_ALONE` if only the swings by which it is
-    known are checked, `STORED_FIRST` if they are checked first."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
-    swings: int
-    """Of two limbs: for each branch of the support, four bits with the code of its swing, see
-    `line_steps`."""
     line_branches: int
-    """Branches between which it can swing along a line in joint space, `8 * before + after`, or
-    -1."""
+    """Branches between which the limb can swing along a line in joint space, `8 * before + after`;
+    -1 if it can be moved in a fold."""
 
 
 class StepScratch(Record):

@@ -21,7 +21,7 @@ from mlivr_gym.collisions.against_boxes import set_grasp_surface
 from mlivr_gym.collisions.compared import begin_comparing, copy_pending
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.intervals import check_around, check_line, check_pending
-from mlivr_gym.collisions.joint_lines import RESTING, place_limb
+from mlivr_gym.collisions.joint_lines import place_limb
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,
@@ -122,7 +122,7 @@ def release(
 def _rest(limb: int, base: Pose, layer: int, scratch: StepScratch) -> None:
     """Set the base to rest, and what a limb is compared with in a layer of the world."""
     line, compared = scratch.line.line, scratch.line.compared
-    line.leader, line.follows = RESTING, EMPTY
+    line.moves, line.follows = False, EMPTY
     for k in range(3):
         line.base.position[k] = base.position[k]
         for c in range(3):

@@ -16,7 +16,6 @@ from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.compiled.kernels import MOST_THREADS, in_parallel
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
-from mlivr_gym.transitions.line_steps import check_all_alone, find_lines
 from mlivr_gym.transitions.records import (
     ReleaseRecord,
     StanceArrays,
@@ -43,7 +42,6 @@ class StepChecks:
         """Check steps of the robot of `solver`."""
         self.solver = solver
         self.robots = solver.shapes.rows
-        self._is_alone = solver.robot.limbs == 2
         self._idle: list[Any] = []
         """Scratch that no check uses at present."""
 
@@ -94,29 +92,24 @@ class StepChecks:
         """Compute releases; `todo` has stances and limbs, shape (k, 2)."""
         self._run(len(todo), release_all, todo, StepContext(stances, self.robots, world))
 
-    def steps(
-        self, stances: StanceArrays, before: IntArray, after: IntArray, branch_sets: IntArray
-    ) -> Any:
+    def steps(self, stances: StanceArrays, before: IntArray, after: IntArray) -> Any:
         """Return rows of `StepRecord` to be checked, shape (k,), for steps between rows of stances.
 
-        The branch sets before the steps have shape (k, N).
+        Limbs may be on all branches that both stances have.
         """
         steps, points = StepRecord.rows(len(after)), stances.points
-        limbs, moves = points.shape[1], points[after] != points[before]
+        moves = points[after] != points[before]
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
-        steps["branches"][:, :limbs] = branch_sets
         return steps
 
     def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:
         """Return for which steps the support limbs can move on some way of the base, shape (k,)."""
-        quick = find_lines if self._is_alone else check_supports
-        self._run(len(steps), quick, steps, StepContext(stances, self.robots, world))
+        self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 
     def check(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Check steps between stances; the results are written into them."""
-        check = check_all_alone if self._is_alone else check_all
-        self._run(len(steps), check, steps, StepContext(stances, self.robots, world))
+        self._run(len(steps), check_all, steps, StepContext(stances, self.robots, world))
 
     def relax(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Write into steps the branches that they keep at most, see `relaxed_steps`."""

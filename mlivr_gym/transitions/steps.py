@@ -1,9 +1,14 @@
-"""The check of a step of three limbs and more: the base moves straight, supports follow (compiled).
+"""The check of a step: the base moves straight, and the support limbs follow it (compiled).
 
 The base goes on a straight line and by slerp from one posture to the other, and each support limb
 follows it on its branch, see `kinematics.following`. The limb that moves stays in a fold that it
 has at both stances, or goes on a line in joint space from above one point to above the other. The
 first such swing, in a fixed order, beside which every support keeps a branch is that of the step.
+Where only one limb supports the robot, its branches need no swing in common: it keeps each branch
+that some swing serves.
+
+An edge is a fact of two stances: whatever branches limbs may be on before the step, after it the
+supports may be on those of them that the edge keeps, in any combination.
 
 What is quick comes first: in the middles of the first intervals, each support on its own. Motions
 are checked from the end whose base comes first, so a step and that back have equal results.
@@ -98,9 +103,7 @@ def begin(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
         if i == step.limb:
             continue
         set_follower(i, world.grasps[stances.points[step.after, i]].flange, lines)
-        scratch.clear[i] = step.branches[i]
-        if not step.fixed:
-            scratch.clear[i] &= stances.branch_sets[step.after, i]
+        scratch.clear[i] = stances.branch_sets[step.before, i] & stances.branch_sets[step.after, i]
 
 
 @kernel
@@ -183,16 +186,17 @@ def _check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None
                 return
     for k in range(min(lines_by_travel(step, context, scratch), TRIES)):
         set_swing_line(scratch.order[k], step, scratch)
+        step.line_branches = scratch.order[k]
         if _serves(step, context, scratch):
-            step.line_branches = scratch.order[k]
             return
+    step.line_branches = NONE
 
 
 @kernel
 def _keep(branch_sets: Limbs, step: StepRecord, robot: RobotModel) -> None:
-    """Write the branches that supports keep."""
+    """Add branches to those that supports keep."""
     for i in range(robot.limb_count):
-        step.kept[i] = branch_sets[i]
+        step.kept[i] |= branch_sets[i]
 
 
 @kernel
@@ -233,7 +237,10 @@ def swing_clear(
 
 @kernel
 def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
-    """Keep what supports keep beside the swing that is set; return whether each keeps a branch."""
+    """Keep what supports keep beside the swing that is set; return whether no other is needed.
+
+    That is so once each of them keeps a branch, of only one support once it keeps all.
+    """
     robot, world, lines = context.robots[0], context.world, scratch.line
     if not swing_clear(WHOLE, step, robot, world, lines):
         return False
@@ -241,15 +248,17 @@ def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> boo
         scratch.clear_of_swing[i] = scratch.clear[i]
         if i == step.limb or world.first > 0:
             continue
+        if robot.limb_count == 2:
+            scratch.clear_of_swing[i] &= ~step.kept[i]
         for b in range(BRANCHES):
-            if has_branch(scratch.clear[i], b):
-                choose_branch(i, b, scratch.clear[i], lines)
+            if has_branch(scratch.clear_of_swing[i], b):
+                choose_branch(i, b, scratch.clear_of_swing[i], lines)
                 if not are_apart(WHOLE, step.limb, i, robot, world, lines):
                     scratch.clear_of_swing[i] = without_branch(scratch.clear_of_swing[i], b)
         if scratch.clear_of_swing[i] == EMPTY:
             return False
     _keep(scratch.clear_of_swing, step, robot)
-    return True
+    return robot.limb_count > 2 or step.kept[1 - step.limb] == scratch.clear[1 - step.limb]
 
 
 @kernel

@@ -1,4 +1,4 @@
-"""The check of a step of three limbs and more, written to be read: sets, lists and loops.
+"""The check of a step, written to be read: sets, lists and loops.
 
 Whether one motion is clear is asked of `intervals.check_line`, and a place of it of
 `intervals.check_middles`, which are compared elsewhere; which motions there are, and which branches
@@ -39,11 +39,9 @@ class PlainStep:
         limb: Limb that moves.
         before: Stance before the step.
         after: Stance after it.
-        wanted: Pairs that each limb may be on.
-        given: Whether the limbs are on these.
     """
 
-    def __init__(self, plain, limb, before, after, wanted, given):
+    def __init__(self, plain, limb, before, after):
         self.plain, self.limb = plain, limb
         self.before, self.after = before, after
         self.held = [i for i in range(plain.spec.limbs) if i != limb]
@@ -51,10 +49,8 @@ class PlainStep:
         here, there = (tuple(bases[s]["position"].round(6)) for s in (before, after))
         self.back = there < here
         self.ends = [bases[s].copy() for s in ((after, before) if self.back else (before, after))]
-        self.wanted = {
-            i: wanted[i] if given else wanted[i] & members(plain.stances.branch_sets[after, i])
-            for i in self.held
-        }
+        shared = plain.stances.branch_sets[before] & plain.stances.branch_sets[after]
+        self.wanted = {i: members(shared[i]) for i in self.held}
 
     def moved(self, standing=None, swing=None, whole=True, **compared):
         """Flips with which a limb follows clear of what is compared, of all given ones a set.
@@ -69,7 +65,7 @@ class PlainStep:
         line, standing = scratch["line"], standing or {}
         called(set_path)(line["path"], *self.ends)
         scratch["floor"] = float(plain.limits["floor"]) * plain.spec.characteristic_length**3
-        line["leader"] = -2
+        line["moves"] = True
         for i in self.held:
             called(set_follower)(i, plain.grasp(self.after, i)["flange"], scratch)
         for i, (branch, flips) in standing.items():
@@ -172,11 +168,15 @@ class PlainStep:
             self.both_apart(standing, i, j)
             if not standing[i] or not standing[j]:
                 return NO_EDGE
+        total = {i: set() for i in self.held}
         for pair, swing in self.swings(first, last):
             kept = self.beside(standing, swing)
             if kept:
-                return Edge(kept, pair)
-        return NO_EDGE
+                total = {i: total[i] | kept[i] for i in self.held}
+                # Of one support alone each pair has a swing of its own.
+                if len(self.held) > 1 or total == standing:
+                    return Edge(total, pair)
+        return Edge(total, -1) if all(total.values()) else NO_EDGE
 
     def swings(self, first, last):
         """Branches of a line, -1 for a fold, and joint angles at both ends, in order."""

@@ -47,16 +47,20 @@ def can_be_held(graph, stance):
     return True
 
 
-def asked(graph, limb, before, after, wanted, given):
-    """The stances, what compiled code says of limbs at both, and of the step between them."""
+def asked(graph, limb, before, after, wanted=None):
+    """The stances, what compiled code says of limbs at both, and of the step between them.
+
+    Limbs may be on the bits that are wanted of each, by default on all.
+    """
     points = np.array([before, after])
     checks, postures = graph.checks, join(graph.posture(before), graph.posture(after))
     stances, world = checks.stances(points, postures), checks.world(None)
+    if wanted is not None:
+        stances = stances._replace(branch_sets=stances.branch_sets & wanted)
     todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
     checks.release(stances, todo, world)
     steps = StepRecord.rows(1)
-    steps["limb"], steps["before"], steps["after"], steps["fixed"] = limb, 0, 1, given
-    steps["branches"][0, : graph.limbs] = wanted
+    steps["limb"], steps["before"], steps["after"] = limb, 0, 1
     able = checks.can_follow(steps.copy(), stances, world)
     checks.check(steps, stances, world)
     return stances, steps[0], bool(able[0])
