@@ -108,9 +108,6 @@ class SearchParameters(NamedTuple):
     """Whether the edge to a label is checked when the label is popped from the queue, as in Lazy
     Weighted A* (Cohen, Phillips and Likhachev 2014); otherwise the caller checks the edges of the
     path that is returned, as in LazySP (Dellin and Srinivasa 2016)."""
-    equal_only: bool = False
-    """Whether only equal labels dominate each other, so that every state that can be reached is
-    expanded."""
 
 
 class SearchStatus(Record):
@@ -121,7 +118,6 @@ class SearchStatus(Record):
     max_labels: int
     max_expansions: int
     check_when_popped: bool
-    equal_only: bool
     incumbent_cost: float
     """Cost of the incumbent; before there is one, the cost that a path must stay below."""
     clock_interval: int
@@ -268,7 +264,7 @@ def _search(
             continue
         branch_sets = labels.branch_sets[label]
         if _awaits_check(search_graph, status, labels, label):
-            if status.equal_only or not _is_dominated(labels, s, branch_sets, cost, label, status):
+            if not _is_dominated(labels, s, branch_sets, cost, label, status):
                 labels.pending[status.pending] = label
                 status.pending += 1
                 status.pending_estimate = min(status.pending_estimate, f)
@@ -344,7 +340,7 @@ def _expand(
             if not cost + h[other] < status.incumbent_cost:
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)
-            if status.equal_only or not _is_dominated(labels, other, after, cost, -1, status):
+            if not _is_dominated(labels, other, after, cost, -1, status):
                 _add_label(labels, other, after, cost, label, row + k)
                 push(labels.queue, status.cost_weight * cost + h[other], other)
 
@@ -380,11 +376,9 @@ def _is_dominated(
             earlier = label < 0 or cost < g or other < label
             if other != label and cost <= g:
                 missing = branch_sets & ~labels.branch_sets[other]
-                if status.equal_only:
-                    missing |= labels.branch_sets[other] & ~branch_sets
                 if missing == NO_BRANCHES and (earlier or branch_sets != labels.branch_sets[other]):
                     return True
-                if earlier and not status.equal_only:
+                if earlier:
                     for limb in range(PACKED_LIMBS):
                         alone = every_branch(limb)
                         if missing & ~alone == NO_BRANCHES:

@@ -26,7 +26,6 @@ from mlivr_gym.planners.labels import NO_NODES, NodePath
 from mlivr_gym.planners.path_search import EDGE_EFFORT, NODE_EFFORT, StatePath
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
-from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.stances.node_steps import node_stances
@@ -34,10 +33,6 @@ from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import PositionCells
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.transitions.state import State
-
-Members = tuple[IntArray, IntArray]
-"""Rows of nodes and the limb of each that moves, shape (k,)."""
 
 
 class LazyTable(ABC):
@@ -51,23 +46,21 @@ class LazyTable(ABC):
         Edges that were checked and keep other branches than the table tells.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
-    label_independent
-        Whether the branches kept on an edge do not depend on the label of the path.
     check_effort
         Effort of all checks so far, see `PathSearch.effort`.
     """
 
     is_complete: bool
-    label_independent: bool
 
     def __init__(self, graph: StanceGraph, table: NodeTable) -> None:
         """Start with no edge checked."""
+        self.graph: StanceGraph = graph
         self.version, self.table, self.check_effort = graph.version, table, 0
         self.checked_edges = CheckedEdges.empty(len(table.points))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and no results of checks."""
-        return make_lazy_table, (vars(self)["graph"],)
+        return make_lazy_table, (self.graph,)
 
     @property
     def unchecked(self) -> BoolArray:
@@ -87,6 +80,13 @@ class LazyTable(ABC):
         """Check some of these nodes at once, (k,)."""
 
     @abstractmethod
+    def _kept(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Check edges once; return the branches that supports keep, as `supports_of`, shape (k,).
+
+        What is found of their nodes is recorded in the table. No branches are kept on what is no
+        step.
+        """
+
     def branch_sets_after(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
     ) -> NDArray[np.uint64]:
@@ -94,6 +94,15 @@ class LazyTable(ABC):
 
         The numbers of the edges, the branches before them and those after have shape (k,).
         """
+        kept, after, limbs = self._kept(edges), np.zeros_like(branch_sets), self.table.limbs
+        (start, i), (end, j), _ = edge_ends(self.table, edges)
+        leaves, grasps = (unpacked(self.table.releasable[rows], limbs) for rows in (start, end))
+        before, rows = unpacked(branch_sets, limbs), np.arange(len(edges))
+        of_supports = relabelled(before, i + 1)[:, :-1] & unpacked(kept, limbs - 1)
+        found = np.column_stack([of_supports, grasps[rows, j]])
+        steps = found.all(axis=1) & (before[rows, i] & leaves[rows, i] != 0)
+        after[steps] = packed(relabelled(found, -j - 1)[steps])
+        return after
 
     def checked_branch_sets(self, path: NodePath, clock: Clock) -> NDArray[np.uint64] | None:
         """Check the edges of a path; return the branches that limbs may be on along it.
@@ -101,23 +110,40 @@ class LazyTable(ABC):
         The branch sets, see `limb_branch_sets`, have shape (k + 1,); they are None if a limb keeps
         no branch.
         """
-        return path.branch_sets
+        for piece in clock.pieces("edges", len(path.edges)):
+            self._kept(path.edges[piece])
+        found = [path.branch_sets[:1]]
+        for k in range(len(path.edges)):
+            found.append(self.branch_sets_after(path.edges[k : k + 1], found[-1]))
+            if not found[-1][0]:
+                return None
+        return np.concatenate(found)
 
-    @abstractmethod
-    def state_path(
-        self, start: StatePath, relabelling: int, node_path: NodePath
-    ) -> StatePath | None:
+    def state_path(self, start: StatePath, relabelling: int, path: NodePath) -> StatePath | None:
         """Return the states of a path whose edges were checked, or None if a step fails after all.
 
-        `start` is a path to the first node of `node_path`, and `relabelling` the cyclic relabelling
-        of the limbs that makes its stance that of the table.
+        `start` is a path to its first node, and `relabelling` the cyclic relabelling of the limbs
+        that makes its stance that of the table, whose numbers are rounded.
         """
+        graph = self.graph
+        (before, i), (after, j), back = edge_ends(self.table, path.edges)
+        relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
+        points = relabelled(self.table.points[path.nodes].astype(np.int64), relabellings)
+        states = graph.states_along(start.states[-1], [*map(tuple, points[1:].tolist())])
+        if len(states) < len(points):
+            k, none = slice(len(states) - 1, len(states)), np.zeros(1, dtype=np.uint64)
+            edges = self.checked_edges.with_edges(before[k], path.edges[k], none)
+            self.checked_edges = edges.with_edges(after[k], back[k], none)
+            return None
+        positions = graph.postures_of(states[1:]).base_position if len(states) > 1 else ()
+        every = np.concatenate([start.positions, np.reshape(positions, (-1, 3))])
+        return StatePath((*start.states, *states[1:]), every)
 
 
 class LazyTwoLimbTable(LazyTable):
     """Table of two limbs, whose stance graph stores what was checked."""
 
-    label_independent = True
+    graph: TwoLimbGraph
 
     def __init__(self, graph: TwoLimbGraph) -> None:
         """Start with the nodes and edges that the graph knows."""
@@ -145,43 +171,23 @@ class LazyTwoLimbTable(LazyTable):
             self.graph.node_postures(rows)
             self._record_nodes(rows)
 
-    def branch_sets_after(
-        self, edges: IntArray, branch_sets: NDArray[np.uint64]
-    ) -> NDArray[np.uint64]:
-        """Check edges, see `LazyTable.branch_sets_after`."""
+    def _kept(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Check edges, see `LazyTable`."""
         self.check_effort += EDGE_EFFORT * len(edges)
-        (before, limb), (end, _), reverse = edge_ends(self.table, edges)
-        kept, rows = self.graph.kept_branches(1 - limb, before, end), np.arange(len(edges))
-        clear_bits(self.table.joined, np.concatenate([edges[kept == 0], reverse[kept == 0]]))
-        self._record_nodes(np.concatenate([before, end]))
-        found, leaves, grasps = (
-            unpacked(one, 2)
-            for one in (branch_sets, self.table.releasable[before], self.table.releasable[end])
-        )
-        can_leave = found[rows, limb] & leaves[rows, limb] != 0
-        found[rows, 1 - limb] &= kept
-        found[rows, limb] = grasps[rows, limb]
-        after = packed(found)
-        after[~can_leave | ~found.all(axis=1)] = 0
-        return after
-
-    def state_path(
-        self, start: StatePath, relabelling: int, node_path: NodePath
-    ) -> StatePath | None:
-        """Return the states of a path, see `LazyTable.state_path`."""
-        points, branch_sets = (
-            self.table.points[node_path.nodes[1:]],
-            unpacked(node_path.branch_sets[1:], 2),
-        )
-        states = zip(map(tuple, points.tolist()), map(tuple, branch_sets.tolist()), strict=True)
-        positions = np.concatenate([start.positions, self.table.base_position[node_path.nodes[1:]]])
-        return StatePath((*start.states, *(State(*one) for one in states)), positions)
+        (before, limb), (end, _), back = edge_ends(self.table, edges)
+        kept = self.graph.kept_branches(1 - limb, before, end)
+        clear_bits(self.table.joined, np.concatenate([edges[kept == 0], back[kept == 0]]))
+        if not self.is_complete:
+            self._record_nodes(np.concatenate([before, end]))
+        return kept.astype(np.uint64)
 
 
 class LazyNodeTable(LazyTable):
     """Table of three or four limbs: postures, releases and steps are checked along paths."""
 
-    is_complete = label_independent = False
+    graph: ImplicitGraph
+
+    is_complete = False
 
     def __init__(
         self, graph: ImplicitGraph, table: NodeTable, previous: LazyNodeTable | None = None
@@ -243,72 +249,32 @@ class LazyNodeTable(LazyTable):
         self.table.branch_sets[rows] = branch_sets
         self.table.releasable[rows] &= branch_sets
 
-    def check_edges(self, edges: IntArray) -> None:
-        """Check those edges that were not checked yet, in both directions."""
+    def _kept(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Check edges in both directions, see `LazyTable`."""
         unchecked = np.unique(edges[~self.checked_edges.contains(edges)])
-        if not len(unchecked):
-            return
-        (before, i), (after, j), reverse = edge_ends(self.table, unchecked)
-        found = self._check((before, i), (after, j), self.table.branch_sets[before], True)
-        kept = packed(relabelled(found, i + 1)[:, : self.graph.limbs - 1])
-        kept[~found.all(axis=1)] = 0
-        self.checked_edges = self.checked_edges.with_edges(before, unchecked, kept).with_edges(
-            after, reverse, kept
-        )
+        if len(unchecked):
+            self._check_edges(unchecked)
+        return self.checked_edges.kept_on(edges)
 
-    def checked_branch_sets(self, path: NodePath, clock: Clock) -> NDArray[np.uint64] | None:
-        """Check the edges of a path, see `LazyTable.checked_branch_sets`."""
-        for piece in clock.pieces("edges", len(path.edges)):
-            self.check_edges(path.edges[piece])
-        table, limbs = self.table, self.table.limbs
-        (before, i), (after, j), _ = edge_ends(table, path.edges)
-        kept = unpacked(self.checked_edges.kept_on(path.edges), limbs - 1)
-        leaves, grasps = (unpacked(table.releasable[rows], limbs) for rows in (before, after))
-        branch_sets = [unpacked(path.branch_sets[:1], limbs)[0]]
-        for k in range(len(path.edges)):
-            of_supports = np.roll(branch_sets[-1], -i[k] - 1)[:-1] & kept[k]
-            if not of_supports.all() or not branch_sets[-1][i[k]] & leaves[k, i[k]]:
-                return None
-            branch_sets.append(np.roll(np.append(of_supports, grasps[k, j[k]]), j[k] + 1))
-        return packed(np.array(branch_sets)) if branch_sets[-1].all() else None
-
-    def branch_sets_after(
-        self, edges: IntArray, branch_sets: NDArray[np.uint64]
-    ) -> NDArray[np.uint64]:
-        """Check edges for given labels, see `LazyTable.branch_sets_after`."""
-        kept = np.zeros(len(edges), dtype=np.uint64)
-        (before, i), (after, j), _ = edge_ends(self.table, edges)
-        self.check_nodes(np.concatenate([before, after]))
-        some = np.flatnonzero(self.table.branch_sets[after] != 0)
-        if len(some):
-            ends = (before[some], i[some]), (after[some], j[some])
-            found = self._check(*ends, branch_sets[some], False)
-            found[~found.all(axis=1)] = 0
-            kept[some] = packed(relabelled(found, (i - j)[some]))
-        return kept
-
-    def _check(
-        self, start: Members, end: Members, branch_sets: NDArray[np.uint64], record: bool
-    ) -> IntArray:
-        """Return the branch sets after edges with those before them, shape (k, N); 0 for no step.
-
-        The limbs are those of the nodes before the edges. With `record`, releases that are computed
-        among obstacles are stored.
-        """
-        self.check_effort += EDGE_EFFORT * len(branch_sets)
-        graph, (before, i), (after, j) = self.graph, start, end
+    def _check_edges(self, edges: IntArray) -> None:
+        """Check edges, shape (k,), and store the results."""
+        self.check_effort += EDGE_EFFORT * len(edges)
+        graph, ((before, i), (after, j), back) = self.graph, edge_ends(self.table, edges)
         rows = np.concatenate([before, after])
+        self.check_nodes(rows)
         relabellings = np.concatenate([np.zeros_like(i), j - i])
         stances = node_stances(graph.grasp_map, graph.robot, self.table, rows, relabellings)
         if graph.obstacles:
             stances.releases["known"][self._may_touch(rows)] = False
         here = np.arange(len(before))
-        limbs_before = unpacked(branch_sets, graph.limbs)
-        steps = graph.checks.steps(stances, here, here + len(here), limbs_before)
-        found = graph.branch_sets_of_steps(steps, stances)
-        if graph.obstacles and record:
+        steps = graph.checks.steps(stances, here, here + len(here))
+        found = graph.branch_sets_of_steps(steps, stances, stances.branch_sets[here])
+        if graph.obstacles:
             self._record_releases(rows, relabelled(stances.releases, -relabellings))
-        return found
+        kept = packed(relabelled(found, i + 1)[:, : graph.limbs - 1])
+        self.checked_edges = self.checked_edges.with_edges(before, edges, kept).with_edges(
+            after, back, kept
+        )
 
     def _record_releases(self, rows: IntArray, releases: Array) -> None:
         """Store the branches of releases, rows of `ReleaseRecord`, shape (k, N)."""
@@ -317,63 +283,6 @@ class LazyNodeTable(LazyTable):
             before = unpacked(self.table.releasable[row : row + 1], self.graph.limbs)
             updated = np.where(one["known"], one["branches"].astype(np.int64), before)
             self.table.releasable[row] = packed(updated)[0]
-
-    def state_path(
-        self, start: StatePath, relabelling: int, node_path: NodePath
-    ) -> StatePath | None:
-        """Check every step for the labels of the path, see `LazyTable.state_path`."""
-        graph = self.graph
-        (before, i), (after, j), reverse = edge_ends(self.table, node_path.edges)
-        relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
-        stances = relabelled(self.table.points[node_path.nodes].astype(np.int64), relabellings)
-        branch_sets = relabelled(unpacked(node_path.branch_sets, graph.limbs), relabellings)
-        followed = graph.nodes(stances[1:])
-        postures = join(graph.posture_of(start.states[-1]), followed)
-        after_steps = branch_sets_along(graph, stances, branch_sets, postures)
-        impossible = np.flatnonzero(~after_steps.all(axis=1))
-        if len(impossible):
-            none = np.zeros(len(impossible), dtype=np.uint64)
-            self.checked_edges = self.checked_edges.with_edges(
-                before[impossible], node_path.edges[impossible], none
-            )
-            self.checked_edges = self.checked_edges.with_edges(
-                after[impossible], reverse[impossible], none
-            )
-            return None
-        states = zip(
-            map(tuple, stances[1:].tolist()), map(tuple, branch_sets[1:].tolist()), strict=True
-        )
-        positions = np.concatenate([start.positions, followed.base_position])
-        return StatePath((*start.states, *(State(*one) for one in states)), positions)
-
-
-def branch_sets_along(
-    graph: ImplicitGraph, stances: IntArray, branch_sets: IntArray, postures: Postures
-) -> IntArray:
-    """Return the branch sets after the k steps of a path, 0 for no step, shape (k, N).
-
-    The table may have them for the robot after a cyclic relabelling of its limbs, for which a few
-    steps keep other branches, see `relabelling`. From the first step with other branch sets on, the
-    steps are checked anew, and `branch_sets`, shape (k + 1, N), is changed to those found.
-    """
-    begin, count = 0, len(stances) - 1
-    found = np.zeros_like(branch_sets[1:])
-    while begin < count:
-        rows = np.arange(begin, count)
-        states = [
-            State(tuple(s), tuple(m))
-            for s, m in zip(stances[rows].tolist(), branch_sets[rows].tolist(), strict=True)
-        ]
-        found[begin:] = graph.branch_sets_after(
-            states, postures.take(rows), np.arange(len(rows)), stances[rows + 1],
-            postures.take(rows + 1),
-        )  # fmt: skip
-        other = np.flatnonzero((found[begin:] != branch_sets[begin + 1 :]).any(axis=1))
-        if not len(other) or not found[begin:].all():
-            break
-        begin += int(other[0]) + 1
-        branch_sets[begin] = found[begin - 1]
-    return found
 
 
 def make_lazy_table(graph: StanceGraph, previous: LazyTable | None = None) -> LazyTable | None:

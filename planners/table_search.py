@@ -8,10 +8,10 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
   checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014). In between, searches from the goal raise the lower bounds by the edges that were
   checked. The first path is optimal. `level_search` finds fewest steps if that takes long.
-* *Three or four limbs*: what an edge keeps depends on the label, so as in LazySP (Dellin and
-  Srinivasa 2016) the edges of a path are checked after it is found, and the search is repeated
-  while one of them keeps no branch. Nodes are checked when they are popped. Several stages follow
-  each other, see `search_stages`; each path becomes the incumbent, with an optimality bound.
+* *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
+  of a path are checked after it is found, and the search is repeated while one of them keeps no
+  branch. Nodes are checked when they are popped. Several stages follow each other, see
+  `search_stages`; each path becomes the incumbent, with an optimality bound.
 """
 
 from __future__ import annotations
@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.limb_branch_sets import packed
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
-from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.label_search import (
@@ -42,10 +41,8 @@ from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.search_stages import (
     BY_WEIGHT,
-    EXACT_STAGES,
     OBSTACLE_STAGES,
     STAGES,
-    SearchStage,
     first_of,
 )
 from mlivr_gym.postures.relabelling import relabelled
@@ -76,7 +73,6 @@ class TableSearch(PathSearch):
         self._checks_before, self._last_expanded = self._lazy_table.check_effort, 0
         self._is_complete = self._is_exhausted = False
         self._labels = lower_bounds.labels
-        self._no_edges = CheckedEdges.empty(len(lower_bounds.table.points))
         self._origin_paths: list[StatePath] = []
         self._check_nodes = partial(self._lazy_table.check_nodes, clock=self.clock)
         self._set_origins(StatePath((start,), self.start_posture.base_position))
@@ -107,34 +103,34 @@ class TableSearch(PathSearch):
         branch_sets = relabelled(branch_sets, self._relabellings)
         self._origins = NodeOrigins(rows, packed(branch_sets), costs)
 
-    def _bounds_with_stages(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
+    def _bounds_with_stages(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield lower bounds in turn, each with the stages of the search that use it."""
-        if not self._lazy_table.label_independent:
-            yield from self._bounds_for_labels()
+        if self.graph.limbs > 2:
+            yield from self._bounds_for_many()
             return
         search, known = self.search, self._lower_bounds.cached(self.goal, self._origins.nodes)
         by_cost = SearchParameters(
             search.cost_weight, check_when_popped=not self._lazy_table.is_complete
         )
         if search.heuristic != "relaxed":
-            yield self._lower_bounds.from_distance(search), (SearchStage(by_cost),)
+            yield self._lower_bounds.from_distance(search), (by_cost,)
             return
         if not self._lazy_table.is_complete:
             yield from self._improved_bounds(known or self._bounds(self.goal))
             return
         if known is not None and known.occupied != self.graph.occupied:
-            yield known, (SearchStage(by_cost._replace(max_expansions=WITH_OLD_BOUNDS)),)
+            yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
-        yield known or self._new_bounds(), (SearchStage(by_cost),)
+        yield known or self._new_bounds(), (by_cost,)
 
-    def _bounds_for_labels(self) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
-        """Yield bounds and stages where what an edge keeps depends on the label.
+    def _bounds_for_many(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
+        """Yield bounds and stages of more than two limbs, whose checks take long.
 
         Bounds cached by earlier queries come first. While there is no path, the fewest steps
         follow, which are computed sooner than a base displacement.
         """
         search, goal = self.search, self.goal
-        stages: tuple[SearchStage, ...] = STAGES
+        stages: tuple[SearchParameters, ...] = STAGES
         known = self._lower_bounds.cached(goal, self._origins.nodes)
         if self.graph.obstacles:
             stages = OBSTACLE_STAGES
@@ -144,10 +140,9 @@ class TableSearch(PathSearch):
                 self._raise_lower_bound(known)
             bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
-                yield bounds, EXACT_STAGES
+                yield bounds, STAGES[-1:]
                 return
-            by_weight = BY_WEIGHT.parameters._replace(cost_weight=search.cost_weight)
-            yield bounds, (BY_WEIGHT._replace(parameters=by_weight),)
+            yield bounds, (BY_WEIGHT._replace(cost_weight=search.cost_weight),)
         if known is not None and known.occupied == self.graph.occupied:
             yield known, stages
             return
@@ -166,7 +161,7 @@ class TableSearch(PathSearch):
 
     def _improved_bounds(
         self, goal_bounds: GoalBounds
-    ) -> Iterator[tuple[GoalBounds, tuple[SearchStage, ...]]]:
+    ) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield lower bounds that rise to the exact cost-to-go as more edges are checked."""
         search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
         self._check_nodes(np.flatnonzero(goal_bounds.h == 0.0))
@@ -175,7 +170,7 @@ class TableSearch(PathSearch):
             parameters = SearchParameters(
                 search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
-            yield goal_bounds, (SearchStage(parameters),)
+            yield goal_bounds, (parameters,)
             is_over = self._is_complete or self.is_late or self.expanded >= search.limit
             if is_over or self.lower_bound == np.inf:
                 return
@@ -250,7 +245,7 @@ class TableSearch(PathSearch):
         if goal_bounds.cost == self.goal.cost or least == np.inf:
             self.lower_bound = max(self.lower_bound, least)
 
-    def _next_path(self, goal_bounds: GoalBounds, stage: SearchStage) -> StatePath | None:
+    def _next_path(self, goal_bounds: GoalBounds, stage: SearchParameters) -> StatePath | None:
         """Return a path cheaper than the incumbent, or None if the stage finds none."""
         cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
         while not self.is_late and self.lower_bound < cost_limit:
@@ -259,32 +254,25 @@ class TableSearch(PathSearch):
                 return None
             states = self._checked_walk(path, stage)
             if states is None:
-                if self._ignores_checks(stage):
-                    return None
-            elif self.goal.reached(states.positions[-1], states.states[-1].stance):
+                continue
+            if self.goal.reached(states.positions[-1], states.states[-1].stance):
                 return states if self.cost(states) < cost_limit else None
-            else:
-                # The node lies outside the goal by less than the rounding of positions.
-                goal_bounds.h[path.nodes[-1]] = MIN_COST_OUTSIDE_GOAL
+            # The node lies outside the goal by less than the rounding of positions.
+            goal_bounds.h[path.nodes[-1]] = MIN_COST_OUTSIDE_GOAL
         return None
 
-    def _ignores_checks(self, stage: SearchStage) -> bool:
-        """Return whether a stage searches without the results of checks with other labels."""
-        return stage.ignores_checked_edges and not self._lazy_table.label_independent
-
     def _search(
-        self, goal_bounds: GoalBounds, stage: SearchStage, cost_limit: float
+        self, goal_bounds: GoalBounds, stage: SearchParameters, cost_limit: float
     ) -> NodePath | None:
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
-        lazy_table, search, parameters = self._lazy_table, self.search, stage.parameters
-        known = self._no_edges if self._ignores_checks(stage) else lazy_table.checked_edges
+        lazy_table, search, known = self._lazy_table, self.search, self._lazy_table.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
-        limit = min(parameters.max_expansions, limit)
+        limit = min(stage.max_expansions, limit)
         weights = self._lower_bounds.weights(goal_bounds.cost)
         search_graph = SearchGraph(lazy_table.table, known, weights, unchecked=lazy_table.unchecked)
         found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
-            parameters._replace(max_expansions=limit), cost_limit=cost_limit,
+            stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._check_edges, check_nodes=self._check_nodes,
         )  # fmt: skip
         self._is_complete = found.end == SEARCH_COMPLETE
@@ -305,24 +293,19 @@ class TableSearch(PathSearch):
         after = [self._lazy_table.branch_sets_after(edges[k], branch_sets[k]) for k in pieces]
         return np.concatenate([branch_sets[:0], *after])
 
-    def _proves(self, stage: SearchStage) -> bool:
+    def _proves(self, stage: SearchParameters) -> bool:
         """Return whether the lower bound of a search holds for all plans.
 
         It does for weight 1 of the cost, and for any weight if the queue was exhausted and no label
         was dropped that may lead to another plan.
         """
-        parameters, independent = stage.parameters, self._lazy_table.label_independent
-        keeps_all = parameters.labels_per_node == CAPACITY and (
-            independent or parameters.equal_only or not parameters.check_when_popped
-        )
-        exhausted = self._is_exhausted and keeps_all
-        admits_every_plan = independent or stage.ignores_checked_edges
-        return admits_every_plan and (exhausted or parameters.cost_weight == 1.0)
+        keeps_all = stage.labels_per_node == CAPACITY
+        return (self._is_exhausted and keeps_all) or stage.cost_weight == 1.0
 
-    def _checked_walk(self, path: NodePath, stage: SearchStage) -> StatePath | None:
+    def _checked_walk(self, path: NodePath, stage: SearchParameters) -> StatePath | None:
         """Check the edges of a path unless its search did; return its states, None if one fails."""
         lazy_table, branch_sets = self._lazy_table, path.branch_sets
-        if not stage.parameters.check_when_popped:
+        if not stage.check_when_popped:
             kept = lazy_table.checked_branch_sets(path, self.clock)
             if kept is None:
                 return None
@@ -338,7 +321,7 @@ class TableSearch(PathSearch):
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""
         proved = super().bound()
-        if self._is_complete and self._lazy_table.label_independent:
+        if self._is_complete and self.graph.limbs == 2:
             return min(proved, self.search.guaranteed_bound)
         return proved
 

@@ -12,7 +12,7 @@ from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.queries import CheckedPostures
 from mlivr_gym.stances.two_limb_rows import table_of_rows
 from mlivr_gym.stances.two_limb_steps import TwoLimbEdge, edge_indices
-from mlivr_gym.transitions.records import StanceArrays, StepRecord, WorldRecord
+from mlivr_gym.transitions.records import StanceArrays, StepRecord
 from mlivr_gym.transitions.step_check import StepChecks
 
 
@@ -162,32 +162,21 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         edges = free.table.edges if self.is_complete else free.edges_among_obstacles
         self.table = free.table._replace(branch_sets=branch_sets, releases=releases, edges=edges)
         self._stored = free._stored
-        self._edges_before = self._forgotten(close, everything=before.table.edges is not edges)
+        if self._stored:
+            self._forget(close if before.table.edges is edges else np.ones_like(close))
         no_branch, no_cause = np.full_like(branch_sets, -1), np.zeros(len(close), dtype=np.int64)
         self._postures = CheckedPostures(
             free.table.points, free.stances.base, no_branch, branch_sets, no_cause, np.array([True])
         )
 
-    def _forgotten(self, close: BoolArray, everything: bool) -> tuple[IntArray, Any]:
-        """Forget the edges that are to be checked anew, if stances may touch new obstacles, (n,).
-
-        Returned are the numbers of those that were not blocked and are forgotten, in order, and
-        what was known, rows of `TwoLimbEdge`.
-        """
-        index, found = np.zeros(0, dtype=np.int64), TwoLimbEdge.rows(0)
-        if not self._stored:
-            return index, found
-        edges = self.free.edges_among_obstacles
-        before, after, index = stored = self.checked
-        # A motion that is blocked stays so.
-        lasts = (edges["kept"][index] == 0) | ~(close[before] | close[after])
-        lasts &= not everything
-        self._stored[:] = [stored[:, lasts]]
-        forgotten = index[~lasts]
-        index = np.unique(forgotten[(edges["kept"][forgotten] != 0) & (not everything)])
-        found = edges[index]
-        edges[forgotten] = _as_bounds(self.free.table.edges[forgotten])
-        return index, found
+    def _forget(self, close: BoolArray) -> None:
+        """Forget the edges that may touch new obstacles, from or to stances that may, (n,)."""
+        before, after, index = self.checked
+        gone = close[before] | close[after]
+        self._stored[:] = [self.checked[:, ~gone]]
+        forgotten = index[gone]
+        bounds = _as_bounds(self.free.table.edges[forgotten])
+        self.free.edges_among_obstacles[forgotten] = bounds
 
     def _store(self, support: IntArray, before: IntArray, after: IntArray, found: Any) -> IntArray:
         """Store the results of steps, and which they are; see `TwoLimbEdges`."""
@@ -243,7 +232,6 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         if not self.free.is_complete:
             self.free.check_steps(support, before, after)
         self.check_nodes(np.concatenate([before, after]))
-        support, before, after = self._changed_steps(support, before, after)
         sets, moving, releases = self.stances.branch_sets, 1 - support, self.stances.releases
         found = self.free.table.edges[self.index(support, before, after)]
         found["kept"] &= (sets[before, support] & sets[after, support]).astype(np.uint16)
@@ -259,7 +247,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             releases["known"][unknown] = False
         for _ in range(2):
             steps = support[able], before[able], after[able]
-            found[able] = self._among(*steps, free[able], self._world)
+            found[able] = self._among(*steps, free[able])
             able = able[found["kept"][able] != 0]
             ends = after[able], moving[able]
             assumed = releases["branches"][ends], releases["folds"][ends]
@@ -267,37 +255,13 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             able = able[(now[0] != assumed[0]) | (now[1] != assumed[1])]
         self._store(support, before, after, found)
 
-    def _changed_steps(
-        self, support: IntArray, before: IntArray, after: IntArray
-    ) -> tuple[IntArray, IntArray, IntArray]:
-        """Return those steps that are not as before the last obstacles, or were no edges then.
-
-        The others are stored.
-        """
-        numbers, rows = self._edges_before
-        index = self.index(support, before, after)
-        if not len(numbers):
-            return support, before, after
-        place = np.minimum(np.searchsorted(numbers, index), len(numbers) - 1)
-        known = np.flatnonzero(numbers[place] == index)
-        found, steps = rows[place[known]], (support[known], before[known], after[known])
-        for end in steps[1:]:
-            self._released(end, 1 - steps[0])
-        now = self._among(*steps, found, self._world)
-        same = now["kept"] == found["kept"]
-        self._store(steps[0][same], steps[1][same], steps[2][same], found[same])
-        support, before, after = np.delete(np.stack([support, before, after]), known[same], axis=1)
-        return support, before, after
-
     def _released(self, s: IntArray, limb: IntArray) -> tuple[IntArray, IntArray]:
         """Return the branches and folds of releases, which are computed once, shape (k,)."""
         self.check_releases(np.stack([s, limb], axis=1))
         releases = self.stances.releases
         return releases["branches"][s, limb], releases["folds"][s, limb]
 
-    def _among(
-        self, support: IntArray, before: IntArray, after: IntArray, stored: Any, world: WorldRecord
-    ) -> Any:
+    def _among(self, support: IntArray, before: IntArray, after: IntArray, stored: Any) -> Any:
         """Return the edges of steps among the obstacles of a world, rows of `TwoLimbEdge`, (k,).
 
         Known without them are those that are `stored`. The releases are those known so far.
@@ -306,7 +270,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         close = np.flatnonzero(self.close[before] | self.close[after])
         support = support[close]
         steps = self._steps(support, before[close], after[close])
-        self.checks.check(steps, self.stances, world)
+        self.checks.check(steps, self.stances, self._world)
         found[close] = _edges_of(steps, support)
         found["kept"] &= kept
         return found

@@ -82,14 +82,3 @@ def test_a_branch_is_of_one_class(branch):
 def test_what_is_named_is_what_it_says():
     assert members(ALL) == {(branch, flip) for branch in range(8) for flip in (0, 1)}
     assert (EMPTY, NONE) == (0, -1)
-
-
-@given(st.lists(st.integers(0, 15), min_size=8, max_size=8), BRANCH, st.integers(0, 15))
-def test_codes_of_branches(codes, branch, code):
-    number = 0
-    for b, one in enumerate(codes):
-        number = ours("with_code", number, b, one)
-    assert [ours("code_of", number, b) for b in range(BRANCHES)] == codes
-    changed = ours("with_code", number, branch, code)
-    expected = [code if b == branch else one for b, one in enumerate(codes)]
-    assert [ours("code_of", changed, b) for b in range(BRANCHES)] == expected

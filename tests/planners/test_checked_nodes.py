@@ -60,7 +60,7 @@ def branches_after_checks(lazy_table, rows):
     lazy_table.check_nodes(rows)
     table, some = lazy_table.table, rows[lazy_table.table.branch_sets[rows] != 0]
     edges = [candidate_steps(table, int(row), 0).edges[:40] for row in some[:20]]
-    lazy_table.check_edges(np.concatenate(edges).astype(np.int64))
+    lazy_table._kept(np.concatenate(edges).astype(np.int64))
     return np.stack([table.branch_sets, table.releasable]).copy()
 
 

@@ -146,8 +146,7 @@ def graph_and_tables(small_map, tmp_path_factory):
 @pytest.mark.parametrize(
     ("array", "field", "value"),
     [
-        ("edges", "line_branches", 64), ("edges", "line_branches", -2), ("released", "folds", 8),
-        ("edge_index", None, 255),
+        ("released", "folds", 8), ("edge_index", None, 255),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
         ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),
         ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13), ("points", None, 60_000),

@@ -53,11 +53,7 @@ def test_a_step_is_the_same_in_both_directions(by_one_thread):
             before, after = graph.edges_of_row(held, int(point))
             forth = known.table.edges[known.index(held, before, after)]
             back = known.table.edges[known.index(held, after, before)]
-            for name in ("kept", "swings"):
-                assert np.array_equal(forth[name], back[name])
-            on_line = forth["line_branches"] >= 0
-            turned = 8 * (forth["line_branches"] % 8) + forth["line_branches"] // 8
-            assert np.array_equal(turned[on_line], back["line_branches"][on_line])
+            assert np.array_equal(forth["kept"], back["kept"])
 
 
 def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
@@ -76,7 +72,7 @@ def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
 def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map):
     """Boxes come one by one, each asked about at once, against a graph that has them all."""
     few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
-    grown, rng, blocked = stance_graph(few), np.random.default_rng(3), []
+    grown, rng = stance_graph(few), np.random.default_rng(3)
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
     boxes = []
     for k in range(10):
@@ -85,19 +81,16 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
         grown.add_obstacles(boxes[-1:])
         if k == 2:
             grown.occupy([0, 5])
-        known = len(grown._known.blocked)
         for held in range(2):
             for point in rng.permutation(np.unique(grown.points[:, held]))[:12].tolist():
                 before, after = grown.edges_of_row(held, point)
                 grown.check_steps(np.full_like(before, held), before, after)
-        blocked.append((known, len(grown._known.blocked)))
     fresh = stance_graph(few)
     fresh.add_obstacles(boxes)
     fresh.occupy([0, 5])
     ours, theirs = step_tables(grown), step_tables(fresh)
     for name, one, other in zip(ours._fields, ours, theirs, strict=True):
         np.testing.assert_array_equal(one, other, err_msg=name)
-    assert all(before > 0 for before, _ in blocked[1:])
 
 
 def test_releases_among_boxes_that_come_one_by_one_are_those_among_all(small_map):
@@ -152,31 +145,22 @@ def steps_of(found):
     ],
 )
 def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_map, robot, settings):
-    """Asked one stance at a time, with every branch that a limb may be on.
-
-    Beside one line of the limb that moves, the table keeps all holds that it serves, and asked for
-    some of them the graph may choose another line.
-    """
+    """Asked one stance at a time."""
     graph = stance_graph(small_map, robot, settings)
     tables, implicit = step_tables(graph), ImplicitGraph(small_map, graph.robot, settings)
-    count = same = 0
+    count = 0
     for s in np.random.default_rng(1).integers(0, len(graph), 12):
         state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
         found = graph.successors(state)
         ours, truth = steps_of(found), steps_of(implicit.successors(state))
         assert steps_of(tables.successors(int(s), state.branch_sets)) == ours
-        assert ours.keys() == truth.keys()
-        for (limb, point), kept in truth.items():
-            mine = ours[limb, point]
-            assert mine[limb] == kept[limb]
-            assert 0 < mine[1 - limb] == mine[1 - limb] & kept[1 - limb]
-            same += mine == kept
+        assert ours == truth
         count += len(ours)
         for k in range(0, len(found.limb), 9) if not settings.transitions else ():
             after = found.after(state, k).stance
             both = join(graph.posture(state.stance), graph.posture(after))
             assert graph.edge(state, after, both) == implicit.edge(state, after, both)
-    assert same == count if not settings.collisions else same > 0.5 * count > 50
+    assert count > 50
 
 
 def test_narrow_joint_limits_take_steps_away(small_map):
