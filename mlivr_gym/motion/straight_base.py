@@ -46,7 +46,6 @@ class FollowingSupports:
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._lines, out = LineScratch.rows(1), Angles.rows(8)
         self._line = line = self._lines[0]["line"]
-        line["moves"] = True
         for limb, point in enumerate(ends.after):
             if limb != ends.limb:
                 flange, branch = graph.solver.grasps[point]["flange"], ends.branches[limb]
@@ -58,9 +57,15 @@ class FollowingSupports:
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance on the line between two swing knots."""
-        limb, line = self._ends.limb, self._line
-        where = map(pose, *base_poses(self._path, np.array([a[0], b[0]])))
-        line["path"] = base_path(*where)
+        limb, line, ends = self._ends.limb, self._line, self._ends
+        line["moves"] = a[0] != b[0]
+        if line["moves"]:
+            line["path"] = base_path(*map(pose, *base_poses(self._path, np.array([a[0], b[0]]))))
+        else:  # before the base moves, or after it
+            side = int(a[0])
+            line["base"] = pose(ends.positions[side], ends.rotations[side])
+            line["first"]["q"][: len(ends.joints[side])] = ends.joints[side]
+            line["last"]["q"][: len(ends.joints[side])] = ends.joints[side]
         line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
         return bool(line_clear(limb, self._robots, self._world, self._lines))
 

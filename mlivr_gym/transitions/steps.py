@@ -57,7 +57,7 @@ FEW = cast(int, np.int64(4))
 
 KEPT_CLEAR = 5e-4
 """How far lines between the knots of what is committed may be from the motion that is checked,
-which keeps so much more than the clearance [m]."""
+which keeps so much more than the clearance while the base moves [m]."""
 
 
 @entry
@@ -111,8 +111,10 @@ def stays_clear(
     before: int, layer: int, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
     """Return whether what was selected is clear in a layer of the world, see `is_clear`."""
-    grid = world.boxes if layer == 0 else world.obstacles
-    return is_clear(before, robot, grid, world.thresholds[0].clearance + KEPT_CLEAR, lines)
+    grid, clearance = world.boxes if layer == 0 else world.obstacles, world.thresholds[0].clearance
+    if lines.line.moves:
+        clearance += KEPT_CLEAR
+    return is_clear(before, robot, grid, clearance, lines)
 
 
 @kernel
@@ -318,10 +320,10 @@ def _keep_apart(i: int, j: int, context: StepContext, scratch: StepScratch) -> N
 
 @entry
 def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
-    """Return whether a limb is clear along a line while the base moves straight and others follow.
+    """Return whether a limb is clear along a line while the base moves straight or rests.
 
-    Line, way and branches are set in `rows`, a row of `LineScratch`. The others are compared with
-    this limb alone.
+    Line, base and what the others are at, or their branches, are set in `rows`, a row of
+    `LineScratch`. The others are compared with this limb alone.
     """
     robot, lines = robots[0], rows[0]
     for i in range(robot.limb_count):

@@ -87,7 +87,7 @@ def kept_at_most(graph, table, bits):
     kept = np.zeros((count, limbs - 1), dtype=np.int64)
     rows = np.flatnonzero((a != b) & shared.all(axis=1))
     for one, other in ((0, count), (count, 0)):
-        steps = graph.checks.steps(both, rows + one, rows + other, both.branch_sets[rows + one])
+        steps = graph.checks.steps(both, rows + one, rows + other)
         graph.checks.relax(steps, both, graph.checks.world(None))
         found = relabelled(steps["kept"][:, :limbs], i[rows] + 1)[:, :-1]
         kept[rows] |= found * found.all(axis=1)[:, None]
