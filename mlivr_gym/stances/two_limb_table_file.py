@@ -64,11 +64,14 @@ def encode(graph: StanceGraph, stances: TwoLimbStances) -> Arrays:
         "manipulability_index": index.reshape(-1).astype(np.int32),
     }
     if stances.edges is not None:
+        released = np.zeros(stances.releases.shape, stances.releases.dtype)  # between fields, too
+        for name in released.dtype.names:
+            released[name] = stances.releases[name]
         edges, edge_index = np.unique(stances.edges.view(np.uint32), return_inverse=True)
         arrays |= {
             "edges": edges.view(TwoLimbEdge.dtype),
             "edge_index": edge_index.astype(np.min_scalar_type(len(edges))),
-            "released": stances.releases,
+            "released": released,
         }
     return arrays
 
@@ -134,5 +137,5 @@ def _each(edges: Any, index: NDArray[np.unsignedinteger]) -> Any:
     return out.view(TwoLimbEdge.dtype)
 
 
-TWO_LIMB_TABLES = TableFiles("pairs", 8, zipfile.ZIP_DEFLATED, encode, decode)
+TWO_LIMB_TABLES = TableFiles("pairs", 9, zipfile.ZIP_DEFLATED, encode, decode)
 """Files of complete tables of two limbs."""
