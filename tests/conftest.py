@@ -119,8 +119,8 @@ def plan_along(graph, goal, *stances):
 def walk(checked_graph):
     """The README's plan: four steps from deck to overhead."""
     return plan_along(
-        checked_graph, (6.0, 0.0, 0.42), ("D2a:4", "D2b:4"), ("A3b:3", "D2b:4"),
-        ("A3b:3", "A5a:8"), ("O5b:8", "A5a:8"), ("O5b:8", "O5b:0"),
+        checked_graph, (6.0, 0.0, 0.42), ("D2a:4", "D2b:4"), ("A3b:2", "D2b:4"),
+        ("A3b:2", "A5a:7"), ("O5b:8", "A5a:7"), ("O5b:8", "O5b:0"),
     )  # fmt: skip
 
 
@@ -128,8 +128,8 @@ def walk(checked_graph):
 def plan(checked_graph):
     """A plan of more steps."""
     return plan_along(
-        checked_graph, (6.3, 0.5, 0.35), ("D2a:4", "D1b:3"), ("D2a:4", "A3a:2"),
-        ("A4a:8", "A3a:2"), ("A4a:8", "A5a:8"), ("A6a:8", "A5a:8"), ("A6a:8", "A6a:4"),
+        checked_graph, (6.3, 0.5, 0.35), ("D2a:4", "D1b:3"), ("D2a:4", "F2b:3"),
+        ("F4a:8", "F2b:3"), ("F4a:8", "O5a:3"), ("A6a:7", "O5a:3"), ("A6a:7", "A6a:5"),
     )  # fmt: skip
 
 

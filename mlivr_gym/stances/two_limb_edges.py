@@ -270,7 +270,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         close = np.flatnonzero(self.close[before] | self.close[after])
         support = support[close]
         steps = self._steps(support, before[close], after[close])
-        self.checks.check(steps, self.stances, self._world)
+        self.checks.check(steps, self.stances, self.checks.world(self._obstacles))
         found[close] = _edges_of(steps, support)
         found["kept"] &= kept
         return found

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import checked
-from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.compiled.bit_sets import ALL
@@ -32,6 +32,7 @@ from mlivr_gym.stances.two_limb_edges import TwoLimbEdges, TwoLimbEdgesAmongObst
 from mlivr_gym.stances.two_limb_nodes import two_limb_nodes
 from mlivr_gym.stances.two_limb_steps import TwoLimbTable, longest_step
 from mlivr_gym.stances.two_limb_table_file import COUNTS, TWO_LIMB_TABLES, TwoLimbStances
+from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors, moving_limb
 from mlivr_gym.world.boxes import Box
@@ -262,19 +263,19 @@ class TwoLimbGraph(StanceGraph):
             return f"its posture touches {TOUCHED[OBSTACLE]}"
         return super()._fault(points, posture, pose)
 
-    def _node(self, stance: Sequence[int], posture: Postures, k: int = 0) -> int:
-        """Return the index of a stance whose posture is row `k` of `posture`, -1 if none."""
-        s = self.find((stance[0], stance[1]))
+    def _node(self, stance: Sequence[int], position: Array, rotation: Array) -> int:
+        """Return the index of a stance with its own posture, -1 if the base is elsewhere."""
+        s = self.find((int(stance[0]), int(stance[1])))
         same = (
             s >= 0
-            and (posture.base_position[k] == self.base_position[s]).all()
-            and (posture.base_rotation[k] == self.base_rotation[s]).all()
+            and (position == self.base_position[s]).all()
+            and (rotation == self.base_rotation[s]).all()
         )
         return s if same else -1
 
     def releasable_branches(self, stance: tuple[int, ...], posture: Postures, limb: int) -> int:
         """Return the branches on which a limb can be released; see `CheckedSteps`."""
-        s = self._node(stance, posture)
+        s = self._node(stance, posture.base_position[0], posture.base_rotation[0])
         if s < 0:
             return super().releasable_branches(stance, posture, limb)
         return self._releasable_now(s, limb)
@@ -365,6 +366,17 @@ class TwoLimbGraph(StanceGraph):
         limb, stance, kept, grasped = np.concatenate(found).T
         both = np.stack([np.where(limb, kept, grasped), np.where(limb, grasped, kept)], axis=1)
         return Successors(limb, self.points[stance, limb], self.base_position[stance], both)
+
+    def _check_releases(self, stances: StanceArrays, todo: IntArray) -> None:
+        """Compute releases, see `CheckedSteps`; those of the graph's stances are stored there."""
+        for row in np.unique(todo[:, 0]).tolist():
+            base = stances.base[row]
+            s = self._node(stances.points[row], base["position"], base["rotation"])
+            if s >= 0:
+                limbs = todo[todo[:, 0] == row, 1]
+                self._known.check_releases(np.stack([np.full_like(limbs, s), limbs], axis=1))
+                stances.releases[row, limbs] = self.steps.releases[s, limbs]
+        super()._check_releases(stances, todo)
 
     def _releasable_now(self, s: int, limb: int) -> int:
         """Return the branches on which a limb of a stance can be released, checked once."""

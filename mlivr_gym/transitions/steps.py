@@ -143,7 +143,7 @@ def follow(before: int, step: StepRecord, context: StepContext, scratch: StepScr
 def each_alone(before: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
     """Keep the branches on which supports are clear of all but other limbs; see `follow`."""
     robot, world, lines = context.robots[0], context.world, scratch.line
-    for layer in range(world.first, world.stop):
+    for layer in range(world.stop):
         compare_with(lines, EMPTY, YES, EMPTY, (NONE, NONE))
         if not stays_clear(before, layer, robot, world, lines):
             return False
@@ -179,7 +179,7 @@ def _check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None
         return
     if not each_alone(WHOLE, step, context, scratch):
         return
-    if world.first == 0 and not _all_apart(step, context, scratch):
+    if not _all_apart(step, context, scratch):
         return
     for fold in range(robot.fold_count):
         if has(before.folds & after.folds, fold):
@@ -229,7 +229,7 @@ def swing_clear(
     before: int, step: StepRecord, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
     """Return whether the limb that moves is clear of all but other limbs; see `is_clear`."""
-    for layer in range(world.first, world.stop):
+    for layer in range(world.stop):
         itself = only(step.limb) if layer == 0 else EMPTY
         compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))
         if not stays_clear(before, layer, robot, world, lines):
@@ -248,7 +248,7 @@ def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> boo
         return False
     for i in range(robot.limb_count):
         scratch.clear_of_swing[i] = scratch.clear[i]
-        if i == step.limb or world.first > 0:
+        if i == step.limb:
             continue
         if robot.limb_count == 2:
             scratch.clear_of_swing[i] &= ~step.kept[i]
@@ -328,13 +328,12 @@ def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
     robot, lines = robots[0], rows[0]
     for i in range(robot.limb_count):
         forget(i, lines.line.branch[i] if i != moving else EMPTY, lines)
-    for layer in range(world.first, world.stop):
+    for layer in range(world.stop):
         itself = only(moving) if layer == 0 else EMPTY
         compare_with(lines, only(moving), NO, itself, (NONE, NONE))
         if not stays_clear(WHOLE, layer, robot, world, lines):
             return False
-    with_limbs = world.first == 0 and world.stop > 0
     for i in range(robot.limb_count):
-        if with_limbs and i != moving and not are_apart(WHOLE, moving, i, robot, world, lines):
+        if i != moving and not are_apart(WHOLE, moving, i, robot, world, lines):
             return False
     return True

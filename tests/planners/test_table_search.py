@@ -6,7 +6,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from remembered import StepsAskedOnce
-from small_tables import COSTS, every_pair, goal_at, searching, small_table
+from small_tables import COSTS, goal_at, searching, small_table
 
 from mlivr_gym import Box
 from mlivr_gym.errors import StanceError
@@ -18,9 +18,6 @@ from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
-from mlivr_gym.stances.node_edges import (
-    edge_ends,
-)
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -156,30 +153,6 @@ def test_a_robot_that_is_shut_in_and_a_goal_that_is_cut_off_are_proved(known, ne
     found = list(cut_off(first, table, np.random.default_rng(seed), 12, near))
     assert len(found) > 2
     assert all(search.lower_bound == np.inf for search in found)
-
-
-def test_bounds_rest_on_what_steps_may_keep_at_most(known):
-    """Not on what was found for all branches, which may be less than some of them keep."""
-    first, table = known
-    graph, rng, found = again(first), np.random.default_rng(8), 0
-    edges = every_pair(table)[:, 4]
-    for _ in range(8):
-        start = random_state(graph, rng)
-        goal = goal_at(graph, table, int(rng.integers(len(table.points))), COSTS[1], 0.08)
-        if goal.reached(graph.posture_of(start).base_position[0], start.stance):
-            continue
-        search = searching(LowerBounds(graph), goal, start)
-        nodes = edge_ends(table, edges)[0][0]
-        none = np.zeros(len(edges), dtype=np.uint64)
-        search._lazy_table.checked_edges = search._lazy_table.checked_edges.with_edges(
-            nodes, edges, none
-        )
-        costs, least = [search.cost(path) for path in search.paths()], optimum(graph, goal, start)
-        # Only the last stage ignores the results and checks the edges anew.
-        assert costs == ([pytest.approx(least, rel=1e-9)] if np.isfinite(least) else [])
-        assert search.lower_bound == pytest.approx(least, rel=1e-9)
-        found += len(costs)
-    assert found > 1
 
 
 def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):

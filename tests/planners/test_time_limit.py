@@ -26,9 +26,7 @@ from mlivr_gym.stances.table_build import fill_rows
 
 SECONDS = {
     "check_all": 2e-2,
-    "check_all_alone": 2e-2,
     "check_supports": 2e-2,
-    "find_lines": 2e-2,
     "release_all": 2e-2,
     "solve_postures": 2e-2,
     "<lambda>": 4e-4,  # the kernels of fewest steps
