@@ -133,9 +133,19 @@ def test_threads_share_a_graph_and_an_implicit_graph():
         assert all(same(one, truth[k % len(stances)]) for k, one in enumerate(found))
 
 
+def among_obstacles():
+    env = MlivrEnv()
+    env.graph.add_obstacles([BOX])
+    return env
+
+
 @pytest.mark.parametrize(
-    ("new", "name"), [(stance_graph, "table"), (stance_graph, "branch_sets"), (MlivrEnv, "moves")]
-)
+    ("new", "name"),
+    [
+        (stance_graph, "table"), (stance_graph, "branch_sets"),
+        (MlivrEnv, "moves"), (among_obstacles, "moves"),
+    ],
+)  # fmt: skip
 def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, name):
     """These compute what they tell, among the obstacles that another thread may be adding."""
     one, told = new(), threading.Event()

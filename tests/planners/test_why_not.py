@@ -11,7 +11,7 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.planning_result import NO_SWING
-from mlivr_gym.planners.why_not import RULES
+from mlivr_gym.planners.why_not import OBSTACLES, RULES
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +78,21 @@ def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sp
     assert all(name in cause.message for name in cause.rules)
     if len(cause.rules) == 1:
         assert RULES[cause.rules[0]][1] in cause.message
+
+
+def test_occupied_points_alone_may_cut_a_goal_off(small_checked_graph):
+    """All points are, but those of the first and the last stance of a plan."""
+    graph = small_checked_graph
+    planner, start = Planner(graph), graph.points[0].tolist()
+    goals = graph.base_position[::7]
+    plans = [planner.plan(start, goal, "steps", goal_tolerance=0.0).plan for goal in goals]
+    plan = max(filter(None, plans), key=lambda one: len(one.steps))
+    assert len(plan.steps) > 3
+    ends = {*plan.stances[0], *plan.stances[-1]}
+    graph.occupy([point for point in graph.grasp_map.ids if point not in ends])
+    cause = planner.why_not(start, plan.query.goal, goal_tolerance=0.0)
+    graph.vacate()
+    assert cause.rules == (OBSTACLES,)
 
 
 def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
