@@ -293,6 +293,20 @@ def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, erro
     assert contents(old_files) == {"a": "old a", "b": "old b"}
 
 
+def test_of_two_files_the_first_stays_if_the_second_cannot_be_written(old_files, monkeypatch):
+    real = os.replace
+
+    def fails(source, target):
+        if target.name == "b":
+            raise OSError(errno.EBUSY, "in use")
+        real(source, target)
+
+    monkeypatch.setattr("mlivr_gym.files.os.replace", fails)
+    with pytest.raises(FileError, match="in use"):
+        write_both(old_files / "a", old_files / "b")
+    assert contents(old_files) == {"a": "old a", "b": "old b"}
+
+
 def test_nothing_is_written_by_a_block_that_fails(old_files):
     with pytest.raises(FileError, match="path of a file"):
         write_both(old_files / "a", 7)

@@ -21,6 +21,7 @@ from mlivr_gym.planners import (
     set_bounds,
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
+from mlivr_gym.planners.labels import NodePath
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 
@@ -239,6 +240,17 @@ def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
     assert machine.now > 0.3 + 2.0 * OVERRUN
 
 
+@pytest.mark.parametrize("limbs", [3, 4])
+def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatch):
+    """As those of a first path over a table, of which none was checked."""
+    lazy_table = lower_bounds.LowerBounds(small_table(limbs)[0]).lazy_table
+    path = NodePath(0.0, 0, np.zeros(41), np.arange(40), np.zeros(41))
+    machine = SlowMachine(monkeypatch)
+    with pytest.raises(OutOfTime):
+        lazy_table.checked_branch_sets(path, Clock(0.3))
+    assert machine.now <= 0.3 + OVERRUN
+
+
 def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
     """All items in order, once; what was learned of one kind of work does not hold for another."""
     now = [0.0]
@@ -261,9 +273,9 @@ def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
     assert max(took[-9:]) <= 2.0 * PIECE
     clock = Clock(now[0] + 1.0)
     seen = clock.pieces("dear", 5000)
-    for _ in range(4):
+    for _ in range(3):  # the next one would end after the deadline
         piece = next(seen)
         now[0] += 0.3 * (piece.stop - piece.start)
     with pytest.raises(OutOfTime):
         next(seen)
-    assert now[0] <= clock.deadline + 0.3
+    assert now[0] <= clock.deadline

@@ -9,8 +9,9 @@ from unreachable import unreachable
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, why_not
 from mlivr_gym.planners.planning_result import NO_SWING
+from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.why_not import OBSTACLES, RULES
 
 
@@ -93,6 +94,17 @@ def test_occupied_points_alone_may_cut_a_goal_off(small_checked_graph):
     cause = planner.why_not(start, plan.query.goal, goal_tolerance=0.0)
     graph.vacate()
     assert cause.rules == (OBSTACLES,)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_rules_that_cut_off_together_alone_are_all_named(small_map, monkeypatch, count):
+    monkeypatch.setattr(why_not, "_plan_exists", lambda _, rules, *more: len(rules) >= count)
+    graph = stance_graph(small_map)
+    graph.occupy([small_map.ids[-1]])
+    goal = Goal.from_arguments(graph, graph.base_position[0], "steps", None, 0.2)
+    cause = why_not.find_cause(graph, graph.state(graph.points[0].tolist()), goal, 1)
+    assert cause.rules == tuple(RULES)[:count]
+    assert all(name in cause.message for name in cause.rules)
 
 
 def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):

@@ -30,7 +30,7 @@ def test_points_left_out_at_handrails_match_the_measured_counts(clearance, left_
 def test_how_far_a_goal_lies_outside_the_cabin_is_told(jem):
     inside = jem.cabin[1] - [0.0, 0.0, 0.1]
     with pytest.raises(GoalError, match=r"lies 5\.000 m outside") as error:
-        jem.check_goal(inside + [3.0, 4.0, 0.0])
+        jem.check_goal(np.add(inside, (3.0, 4.0, 0.0)))
     assert str(error.value).endswith(f"the nearest position inside is {inside.tolist()}")
 
 
