@@ -1,6 +1,7 @@
 """Planner, graph, environments and tables that threads share answer as in one thread."""
 
 import os
+import pickle
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -140,16 +141,17 @@ def among_obstacles():
 
 
 @pytest.mark.parametrize(
-    ("new", "name"),
+    ("new", "ask"),
     [
-        (stance_graph, "table"), (stance_graph, "branch_sets"),
-        (MlivrEnv, "moves"), (among_obstacles, "moves"),
+        (stance_graph, lambda one: one.table), (stance_graph, lambda one: one.branch_sets),
+        (MlivrEnv, lambda one: one.moves), (among_obstacles, lambda one: one.moves),
+        (stance_graph, pickle.dumps), (lambda: stance_graph(None, "mlivr3"), pickle.dumps),
     ],
 )  # fmt: skip
-def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, name):
+def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, ask):
     """These compute what they tell, among the obstacles that another thread may be adding."""
     one, told = new(), threading.Event()
-    reader = threading.Thread(target=lambda: (getattr(one, name), told.set()))
+    reader = threading.Thread(target=lambda: (ask(one), told.set()))
     with one.lock:
         reader.start()
         assert not told.wait(0.5)

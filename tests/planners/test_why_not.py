@@ -134,6 +134,16 @@ def test_the_start_is_the_one_with_its_pose_and_joints(small_checked_graph):
             Planner(graph).why_not(start, goal, **more)
 
 
+def test_rules_are_left_out_with_the_robot_where_it_is(small_checked_graph):
+    """At a goal that it has reached, beside the posture of its stance."""
+    graph = small_checked_graph
+    position, quaternion, _ = graph.configuration(graph.state(graph.points[0].tolist()))
+    beside = position + np.array([0.0, 0.0, 0.005])
+    start = graph.state(graph.points[0].tolist(), (*beside, *quaternion))
+    goal = Goal.from_arguments(graph, beside, "steps", None, 0.001)
+    assert why_not.is_plan_found(graph, start, goal, 100)
+
+
 def test_the_command_tells_the_cause(capsys):
     assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
     assert "the nearest is" in capsys.readouterr().err
