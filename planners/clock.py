@@ -18,44 +18,40 @@ class OutOfTime(Exception):
 class Clock:
     """A deadline, on the clock of `time.perf_counter` [s], and how fast this machine works.
 
-    How many items of a kind of work make a piece is learned from the time that pieces take, and so
-    is the time of one item, which is not begun if it would end after the deadline. Without a
-    deadline all is one piece, so results do not depend on the machine.
+    How many items of a kind of work make a piece is learned from the time that pieces take. Without
+    a deadline all is one piece, so results do not depend on the machine.
     """
 
     def __init__(self, deadline: float = math.inf) -> None:
         """Start with pieces of one item."""
         self.deadline = deadline
         self._sizes: dict[str, int] = {}
-        self._each: dict[str, float] = {}
 
     @property
     def is_over(self) -> bool:
         """Whether the deadline is over."""
         return time.perf_counter() >= self.deadline
 
-    def check(self, needed: float = 0.0) -> None:
-        """Raise `OutOfTime` if the deadline is over before work that needs some time [s]."""
-        if time.perf_counter() + needed >= self.deadline:
+    def check(self) -> None:
+        """Raise `OutOfTime` if the deadline is over."""
+        if self.is_over:
             raise OutOfTime
 
     @contextmanager
     def piece(self, kind: str, most: int) -> Iterator[int]:
         """Time the block, which does as many items of a kind of work as it is told.
 
-        Raises `OutOfTime` if the deadline is over before one item.
+        Raises `OutOfTime` if the deadline is over.
         """
         if self.deadline == math.inf:
             yield most
             return
-        self.check(self._each.get(kind, 0.0))
+        self.check()
         size, began = self._sizes.get(kind, 1), time.perf_counter()
-        done = min(size, most)
-        yield done
+        yield min(size, most)
         spent = time.perf_counter() - began
-        self._each[kind] = spent / done
         if spent > PIECE:
-            self._sizes[kind] = max(done // 2, 1)
+            self._sizes[kind] = max(min(size, most) // 2, 1)
         elif spent < PIECE / 2.0 and size <= most:
             self._sizes[kind] = 2 * size
 
