@@ -15,6 +15,7 @@ from mlivr_gym import Box, sharing, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.table_build import find_table
 
 THREADS = 8
 BOX = Box.between("box", "obstacle", (3.6, -0.6, -1.0), (4.0, 0.4, -0.2))
@@ -145,7 +146,8 @@ def among_obstacles():
     [
         (stance_graph, lambda one: one.table), (stance_graph, lambda one: one.branch_sets),
         (MlivrEnv, lambda one: one.moves), (among_obstacles, lambda one: one.moves),
-        (stance_graph, pickle.dumps), (lambda: stance_graph(None, "mlivr3"), pickle.dumps),
+        (stance_graph, find_table), (stance_graph, pickle.dumps),
+        (lambda: stance_graph(None, "mlivr3"), pickle.dumps),
     ],
 )  # fmt: skip
 def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, ask):

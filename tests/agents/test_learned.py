@@ -174,6 +174,12 @@ def test_a_checkpoint_of_an_earlier_format_is_refused(tmp_path, env):
     with pytest.raises(CheckpointError, match="its checksum is '000") as error:
         load_policy(tmp_path / "p", env)
     assert len(str(error.value)) < 2000
+    earlier = config | {"rules": config["rules"] - 1}
+    del earlier["checksum"]
+    found = checksum(earlier, (tmp_path / "p.pt").read_bytes())
+    path.write_text(json.dumps(earlier | {"checksum": found}))
+    with pytest.raises(CheckpointError, match=r"rules.*train it again"):
+        load_policy(tmp_path / "p", env)
     for name, told in (("checksum", "its checksum is None, and that of"),
                        ("format", "has format 1, .* format 2, .*: train it again$")):  # fmt: skip
         del config[name]

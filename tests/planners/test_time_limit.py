@@ -31,7 +31,8 @@ SECONDS = {
     "check_supports": 2e-2,
     "find_lines": 2e-2,
     "release_all": 2e-2,
-    "solve_postures": 2e-2,
+    "solve_alone": 2e-2,
+    "solve_among_boxes": 2e-2,
     "<lambda>": 4e-4,  # the kernels of fewest steps
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
@@ -205,6 +206,20 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
         assert took <= limit + OVERRUN
     graph.remove_obstacles()
     assert whole > 2.0 * OVERRUN
+
+
+def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
+    """Where each takes a tenth of a second, as for a robot with numeric inverse kinematics."""
+    monkeypatch.setitem(SECONDS, "solve_among_boxes", 0.1)
+    given = query(without_a_table(), "base")
+    machine = SlowMachine(monkeypatch)
+    for limit in (0.5, 1.0, 2.0, 4.0):
+        planner = Planner(without_a_table())
+        planner.graph.sets()
+        began = machine.now
+        planner.plan(*given, goal_tolerance=0.05, time_limit=limit)
+        assert machine.now - began <= limit + OVERRUN
+    assert "solve_among_boxes" in machine.worked
 
 
 @pytest.mark.parametrize("case", ["two limbs, steps known", "two limbs, obstacles"])

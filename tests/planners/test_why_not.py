@@ -10,7 +10,7 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, why_not
-from mlivr_gym.planners.planning_result import NO_SWING
+from mlivr_gym.planners.planning_result import NO_SWING, Timer, without_plan
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.why_not import OBSTACLES, RULES
 
@@ -104,7 +104,8 @@ def test_rules_that_cut_off_together_alone_are_all_named(small_map, monkeypatch,
     goal = Goal.from_arguments(graph, graph.base_position[0], "steps", None, 0.2)
     cause = why_not.find_cause(graph, graph.state(graph.points[0].tolist()), goal, 1)
     assert cause.rules == tuple(RULES)[:count]
-    assert all(name in cause.message for name in cause.rules)
+    named = f"{', '.join(cause.rules[:-1])} and {cause.rules[-1]}"
+    assert cause.message == f"the goal is cut off by the combination of {named}"
 
 
 def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
@@ -142,6 +143,15 @@ def test_rules_are_left_out_with_the_robot_where_it_is(small_checked_graph):
     start = graph.state(graph.points[0].tolist(), (*beside, *quaternion))
     goal = Goal.from_arguments(graph, beside, "steps", None, 0.001)
     assert why_not.is_plan_found(graph, start, goal, 100)
+
+
+def test_a_step_without_a_swing_is_the_cause_itself(small_checked_graph, monkeypatch):
+    """There is a path, so that no rule cuts the goal off."""
+    found = without_plan(NO_SWING, "no swing was found", Timer())
+    monkeypatch.setattr(Planner, "_searched", lambda *_: found)
+    graph = small_checked_graph
+    cause = Planner(graph).why_not(graph.points[0].tolist(), graph.base_position[-1])
+    assert cause == ((), "no swing was found")
 
 
 def test_the_command_tells_the_cause(capsys):

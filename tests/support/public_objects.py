@@ -237,14 +237,16 @@ def masked():
 
 
 def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
-    """A policy in the middle of an episode."""
+    """A policy in the middle of an episode, which goes on."""
 
     @cache
     def env():
         return gymnasium.make(id, **given).unwrapped
 
-    def act(one, count):
+    def act(one, count, before=()):
         observation, _ = env().reset(seed=5)
+        for action in before:
+            observation, *_ = env().step(action)
         out = []
         for _ in range(count):
             out.append(one.act(env(), observation, env().action_masks()))
@@ -256,7 +258,11 @@ def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
         act(one, first)
         return one
 
-    return Case(begun, lambda _: None, lambda one: act(one, then))
+    @cache
+    def before():
+        return act(new(), first)
+
+    return Case(begun, lambda _: None, lambda one: act(one, then, before()))
 
 
 def refused(belief):

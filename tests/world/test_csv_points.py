@@ -24,6 +24,8 @@ def test_a_table_makes_the_map_that_json_makes(tmp_path):
         )
     ]  # fmt: skip
     expected = GraspMap.from_dict({"points": points}, name="rack")
+    unnamed = "D,1.2,0,0,0,0,1,1,0,0,"  # on the face of the file's name
+    assert GraspMap.load(written(tmp_path, HEADER, *ROWS, unnamed)).faces[-1] == "rack"
     for header in (HEADER, f"\ufeff{HEADER}"):  # as Excel writes it
         path = written(tmp_path, header, ROWS[0], "", *ROWS[1:])
         for found in (GraspMap.load(path), GraspMap.from_csv(path)):
