@@ -236,7 +236,7 @@ def masked():
     return env
 
 
-def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
+def policy(new, id="MLIVR-JEM-v0", then=3, **given):
     """A policy in the middle of an episode, which goes on."""
 
     @cache
@@ -255,12 +255,12 @@ def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
 
     def begun():
         one = new()
-        act(one, first)
+        act(one, 1)
         return one
 
     @cache
     def before():
-        return act(new(), first)
+        return act(new(), 1)
 
     return Case(begun, lambda _: None, lambda one: act(one, then, before()))
 
@@ -305,7 +305,7 @@ CASES = {
     "RandomPolicy": policy(RandomPolicy),
     "ExpertPolicy": policy(ExpertPolicy),
     "LookingPolicy": policy(lambda: LookingPolicy(RandomPolicy()), "MLIVR-JEM-Unknown-v0"),
-    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, 1, boxes=0, plates=0, camera=None),
+    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, boxes=0, plates=0, camera=None),
     "PlanPolicy": policy(planner_policy),
     "with a baseline": policy(lambda: baseline_policy("local")),
     "Belief": Case(lambda: Belief(stance_graph(LADDER), 0.003), lambda b: b.boxes(), refused),

@@ -57,8 +57,8 @@ def test_playing_goes_on_to_the_end_and_begins_again(viewer):
 
 @pytest.mark.parametrize("name", ["change", "refresh", "seek", "toggle", "tick"])
 def test_what_one_visitor_does_waits_for_what_another_is_doing(viewer, name):
-    given = {"change": [lambda: None], "seek": [1.0]}.get(name, [])
     done = threading.Event()
+    given = {"change": [done.set], "seek": [1.0]}.get(name, [])
     thread = threading.Thread(target=lambda: (getattr(viewer, name)(*given), done.set()))
     with viewer._lock:
         thread.start()
