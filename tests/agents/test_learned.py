@@ -204,6 +204,9 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     fewest, seed = max(tasks)
     env.reset(seed=seed)
     assert fewest > 2
+    for search in (lambda: beam_search(learned, env, 0), lambda: beam_policy(learned, 0)):
+        with pytest.raises(SettingError, match="width is 0; it must be a whole number from 1"):
+            search()
     assert len(beam_search(learned, env, len(env.graph))) == fewest
     actions = beam_search(learned, env, 64)
     assert actions is not None

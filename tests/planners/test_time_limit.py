@@ -22,6 +22,8 @@ from mlivr_gym.planners import (
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
 from mlivr_gym.planners.labels import NodePath
+from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 
@@ -264,6 +266,16 @@ def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatc
     with pytest.raises(OutOfTime):
         lazy_table.checked_branch_sets(path, Clock(0.3))
     assert machine.now <= 0.3 + OVERRUN
+
+
+def test_a_search_is_late_once_its_time_is_over(small_checked_graph):
+    graph = small_checked_graph
+    start = graph.state(graph.points[0].tolist())
+    goal = Goal.from_arguments(graph, graph.base_position[-1], "base", None, 0.2)
+    for limit in (0.0, 1e9, None):
+        search = SearchQuery.from_options(graph, goal, time_limit=limit)
+        bounds = lower_bounds.LowerBounds(graph)
+        assert TableSearch(bounds, search, start).is_late == (limit == 0.0)
 
 
 def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
