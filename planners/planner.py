@@ -122,7 +122,8 @@ class Planner(OnGraph):
         time_limit
             Maximum time in which a plan is sought and improved [s]; the search ends earlier once a
             plan is proved within `options.inflation` (by default 1). The plan then depends on the
-            speed of the machine.
+            speed of the machine. Its swings are chosen afterwards, as a rule in less than a tenth
+            of a second, or in a second where their machine code has to be loaded first.
         options
             How the plan is searched for.
 

@@ -111,6 +111,20 @@ def test_a_private_file_is_private_at_every_moment(tmp_path, monkeypatch):
     assert seen == [0o600, 0o600]
 
 
+def test_a_file_and_its_new_name_are_on_the_disk_when_it_is_written(tmp_path, monkeypatch):
+    """After a power cut, too: the content before it gets its name, then the folder."""
+    synced, real = [], os.fsync
+
+    def noted(handle):
+        synced.append((os.fstat(handle).st_ino, (tmp_path / "file").exists()))
+        real(handle)
+
+    monkeypatch.setattr("mlivr_gym.files.os.fsync", noted)
+    write_whole(tmp_path / "file", "new")
+    file, folder = (path.stat().st_ino for path in (tmp_path / "file", tmp_path))
+    assert synced == [(file, False), (folder, True)]
+
+
 def test_a_new_file_has_the_permissions_that_the_process_gives(tmp_path, monkeypatch):
     """They are not asked for, since another thread would make files with others meanwhile."""
     umask = os.umask
@@ -290,6 +304,20 @@ def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, erro
     with pytest.raises((FileError, KeyboardInterrupt)):
         write_three(old_files)
     assert len(calls) > after
+    assert contents(old_files) == {"a": "old a", "b": "old b"}
+
+
+def test_of_two_files_the_first_stays_if_the_second_cannot_be_written(old_files, monkeypatch):
+    real = os.replace
+
+    def fails(source, target):
+        if target.name == "b":
+            raise OSError(errno.EBUSY, "in use")
+        real(source, target)
+
+    monkeypatch.setattr("mlivr_gym.files.os.replace", fails)
+    with pytest.raises(FileError, match="in use"):
+        write_both(old_files / "a", old_files / "b")
     assert contents(old_files) == {"a": "old a", "b": "old b"}
 
 

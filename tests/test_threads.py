@@ -1,6 +1,7 @@
 """Planner, graph, environments and tables that threads share answer as in one thread."""
 
 import os
+import pickle
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -14,6 +15,7 @@ from mlivr_gym import Box, sharing, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.planners import Planner
+from mlivr_gym.stances.table_build import find_table
 
 THREADS = 8
 BOX = Box.between("box", "obstacle", (3.6, -0.6, -1.0), (4.0, 0.4, -0.2))
@@ -133,13 +135,25 @@ def test_threads_share_a_graph_and_an_implicit_graph():
         assert all(same(one, truth[k % len(stances)]) for k, one in enumerate(found))
 
 
+def among_obstacles():
+    env = MlivrEnv()
+    env.graph.add_obstacles([BOX])
+    return env
+
+
 @pytest.mark.parametrize(
-    ("new", "name"), [(stance_graph, "table"), (stance_graph, "branch_sets"), (MlivrEnv, "moves")]
-)
-def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, name):
+    ("new", "ask"),
+    [
+        (stance_graph, lambda one: one.table), (stance_graph, lambda one: one.branch_sets),
+        (MlivrEnv, lambda one: one.moves), (among_obstacles, lambda one: one.moves),
+        (stance_graph, find_table), (stance_graph, pickle.dumps),
+        (lambda: stance_graph(None, "mlivr3"), pickle.dumps),
+    ],
+)  # fmt: skip
+def test_what_is_read_without_a_call_waits_for_the_thread_that_changes_it(new, ask):
     """These compute what they tell, among the obstacles that another thread may be adding."""
     one, told = new(), threading.Event()
-    reader = threading.Thread(target=lambda: (getattr(one, name), told.set()))
+    reader = threading.Thread(target=lambda: (ask(one), told.set()))
     with one.lock:
         reader.start()
         assert not told.wait(0.5)

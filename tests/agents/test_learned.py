@@ -170,6 +170,16 @@ def test_a_checkpoint_made_for_something_else_is_refused(tmp_path, env, small_ma
 def test_a_checkpoint_of_an_earlier_format_is_refused(tmp_path, env):
     path = kept(tmp_path, env).with_suffix(".json")
     config = json.loads(path.read_text())
+    path.write_text(json.dumps(config | {"checksum": "0" * 100_000}))
+    with pytest.raises(CheckpointError, match="its checksum is '000") as error:
+        load_policy(tmp_path / "p", env)
+    assert len(str(error.value)) < 2000
+    earlier = config | {"rules": config["rules"] - 1}
+    del earlier["checksum"]
+    found = checksum(earlier, (tmp_path / "p.pt").read_bytes())
+    path.write_text(json.dumps(earlier | {"checksum": found}))
+    with pytest.raises(CheckpointError, match=r"rules.*train it again"):
+        load_policy(tmp_path / "p", env)
     for name, told in (("checksum", "its checksum is None, and that of"),
                        ("format", "has format 1, .* format 2, .*: train it again$")):  # fmt: skip
         del config[name]
@@ -194,6 +204,9 @@ def test_a_beam_finds_walks_that_the_policy_alone_does_not(env, policy):
     fewest, seed = max(tasks)
     env.reset(seed=seed)
     assert fewest > 2
+    for search in (lambda: beam_search(learned, env, 0), lambda: beam_policy(learned, 0)):
+        with pytest.raises(SettingError, match="width is 0; it must be a whole number from 1"):
+            search()
     assert len(beam_search(learned, env, len(env.graph))) == fewest
     actions = beam_search(learned, env, 64)
     assert actions is not None

@@ -46,6 +46,21 @@ def test_what_handles_interruptions_is_taken_away_at_the_end():
     assert (sys.unraisablehook, signal.getsignal(signal.SIGINT)) == before
 
 
+@pytest.mark.parametrize("is_command", [True, False])
+def test_nothing_is_printed_after_the_word_that_a_command_was_interrupted(monkeypatch, is_command):
+    """By threads and libraries as Python ends; a program that calls `main` may print on."""
+
+    def run(args):
+        raise KeyboardInterrupt
+
+    silenced = []
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", run)
+    monkeypatch.setattr("mlivr_gym.cli.main.is_command", lambda: is_command)
+    monkeypatch.setattr("mlivr_gym.cli.main.silence", lambda: silenced.append(True))
+    assert main(["plan"]) == 130
+    assert silenced == [True] * is_command
+
+
 def test_other_threads_and_ignored_signals_are_left_alone():
     def inside():
         with handle_interrupts():

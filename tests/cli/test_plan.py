@@ -3,6 +3,7 @@
 import inspect
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -42,6 +43,15 @@ def test_plan_writes_plan_and_picture(run, tmp_path, jem):
     assert f"picture: {picture}, {tmp_path / 'plan.svg'}" in out
     assert (tmp_path / "plan.svg").read_text().startswith("<?xml")
     assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "plan.png", "plan.svg"}
+
+
+def test_what_refinement_saves_is_told_as_a_part_of_what_there_was(run):
+    code, out, _ = run("plan --start D2a:4 D2b:4 --goal 6.0 0 0.42 --cost steps --refined")
+    before = float(re.search(r" steps, ([\d.]+) m,", out)[1])
+    after, share = map(float, re.search(r"refined: ([\d.]+) m .*, ([\d.]+) % less", out).groups())
+    assert code == 0
+    assert share > 5.0
+    assert after == pytest.approx((1.0 - 0.01 * share) * before, abs=3e-3)
 
 
 def test_plan_and_info_take_cargo(run, tmp_path, ladder_file):

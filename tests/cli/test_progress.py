@@ -56,6 +56,9 @@ def test_a_log_gets_a_line_now_and_then(clock, monkeypatch):
     shown.begin("pictures", 5)
     shown.show(0)
     assert len(stream.getvalue().splitlines()) == len(told)
+    clock[0] += 30.0
+    shown.show(2)
+    assert stream.getvalue().splitlines()[-1].endswith("] 2/5, 30 s, 45 s remain")
 
 
 def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
@@ -76,6 +79,9 @@ def test_a_line_says_while_something_is_compiled(clock, monkeypatch):
     clock[0] += 197.0
     shown.show(0)
     assert stream.getvalue() == f"{CLEAR}building the stance graph, 197 s; compiling check_all"
+    clock[0] += 1.0
+    shown.show(0, "bound 1.2")
+    assert stream.getvalue().endswith("graph, 198 s; bound 1.2; compiling check_all")
     assert progress.displays == []
     with shown:
         assert progress.displays == [shown]

@@ -33,6 +33,7 @@ simulate --case 3 --duration 0                : step_duration is 0
 simulate --case 3 --pace paper --duration 9   : no effect with --pace paper
 evaluate --split sane                         : did you mean 'same'
 simulate --case 3 --speed 0                   : --speed is 0
+simulate --case 3 --rate 0                    : --rate is 0
 simulate --case 3 --film walk.avi             : valid endings
 walk --max 3                                  : --max 3; see `mlivr-gym walk --help`
 carry --robot mlivr3 --start D3a:8 D3a:1 D3a:4 --pick D2b:3 --stow F2b:4 : --cargo is missing

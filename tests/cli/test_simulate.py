@@ -48,7 +48,8 @@ def test_simulate_leaves_measurements_plot_and_film(run, tmp_path, checked_graph
     )
     assert code == 1
     assert plan.read_text() == own
-    assert "failed at" in out
     failure = json.loads((tmp_path / "walk" / "simulation.json").read_text())["failure"]
+    place = f"in the {failure['phase']} of step {failure['step'] + 1} ({failure['kind']}): "
+    assert f"failed at {failure['time']:.2f} s {place}" in out
     assert failure["message"] in out
     assert failure["phase"] in ("departure", "swing", "approach")

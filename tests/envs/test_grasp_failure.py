@@ -17,6 +17,9 @@ def test_failure_probabilities():
     np.testing.assert_array_equal(
         failure_probabilities(3, np.array([0.0, 0.5, 0.9])), [0.0, 0.5, 0.9]
     )
+    assert failure_probabilities(20_000, 0.45).max() < 0.95
+    with pytest.raises(SettingError, match=r"grasp_failure is 0\.46; .*0 to 0\.45"):
+        failure_probabilities(3, 0.46)
     with pytest.raises(SettingError, match="3 numbers"):
         failure_probabilities(3, np.array([0.0, 0.5]))
     with pytest.raises(SettingError, match=r"grasp_failure\[1\] is 1.0; .*0 to 0.95"):

@@ -1,7 +1,9 @@
 """What an environment shows: stills, films, and how the robot moves in them."""
 
 import itertools
+import pickle
 import sys
+import threading
 from pathlib import Path
 from types import ModuleType
 from typing import ClassVar
@@ -72,6 +74,13 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     bends = [np.abs(b[2] - a[2]).max() for a, b in itertools.pairwise(flat)]
     assert max(bends) < 0.7
     assert min(bends) > 0.0
+
+
+def test_a_copied_environment_has_no_window_of_the_other():
+    """Windows and GL contexts belong to a process, as locks do."""
+    env = gymnasium.make("MLIVR-JEM-v0").unwrapped
+    env.viewer.scene = threading.Lock()
+    assert pickle.loads(pickle.dumps(env)).viewer.scene is None
 
 
 def test_an_action_that_changes_nothing_shows_the_robot_standing():

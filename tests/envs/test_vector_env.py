@@ -39,6 +39,7 @@ def test_what_copies_cannot_do_is_named(small_map):
         MlivrVectorEnv(2, env=env, reward="base", tasks="far")
     for words, change in (
         ("takes no render_mode", {"render_mode": "rgb_array"}),
+        ("num_envs is 0; it must be a whole number from 1", {"num_envs": 0}),
         ("exact tables need two limbs", {"robot": "mlivr3", "collisions": False}),
         ("the vector environment needs dynamics='kinematic'", {"dynamics": "mujoco"}),
     ):

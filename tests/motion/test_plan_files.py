@@ -27,9 +27,11 @@ def changed(data, path, value):
 
 FAULTS = [
     (("branches", 1, 0), 1_000_000, r"^motion\.branches\[1\]\[0\] is 1000000; .* from 0 to 7"),
+    (("branches", 1, 0), 8, "branches"),
     (("branches", 1, 0), -1, "branches"),
     (("branches", 1), [1], "branches"),
-    (("steps", 0, "limb"), 5, r"steps\[0\].limb is 5; .* from 0 to 1"),
+    (("steps", 0, "limb"), 2, r"steps\[0\].limb is 2; .* from 0 to 1"),
+    (("steps", 0, "leader"), 2, r"steps\[0\].leader is 2; .* from 0 to 1"),
     (("steps", 0, "limb"), 1, "does not lead from"),
     (("steps", 0, "leader"), 0, r"steps\[0\]\.leader is 0, the limb that moves"),
     (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),

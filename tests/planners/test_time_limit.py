@@ -21,6 +21,9 @@ from mlivr_gym.planners import (
     set_bounds,
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
+from mlivr_gym.planners.labels import NodePath
+from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import fill_rows
 
@@ -28,7 +31,8 @@ SECONDS = {
     "check_all": 2e-2,
     "check_supports": 2e-2,
     "release_all": 2e-2,
-    "solve_postures": 2e-2,
+    "solve_alone": 2e-2,
+    "solve_among_boxes": 2e-2,
     "<lambda>": 4e-4,  # the kernels of fewest steps
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
@@ -204,6 +208,20 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
     assert whole > 2.0 * OVERRUN
 
 
+def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
+    """Where each takes a tenth of a second, as for a robot with numeric inverse kinematics."""
+    monkeypatch.setitem(SECONDS, "solve_among_boxes", 0.1)
+    given = query(without_a_table(), "base")
+    machine = SlowMachine(monkeypatch)
+    for limit in (0.5, 1.0, 2.0, 4.0):
+        planner = Planner(without_a_table())
+        planner.graph.sets()
+        began = machine.now
+        planner.plan(*given, goal_tolerance=0.05, time_limit=limit)
+        assert machine.now - began <= limit + OVERRUN
+    assert "solve_among_boxes" in machine.worked
+
+
 @pytest.mark.parametrize("case", ["two limbs, steps known", "two limbs, obstacles"])
 def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch):
     """They are no edges of the table, and are all checked before the search begins."""
@@ -235,6 +253,27 @@ def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
     lazy_table.check_nodes(every, Clock(1e9))
     graph.remove_obstacles()
     assert machine.now > 0.3 + 2.0 * OVERRUN
+
+
+@pytest.mark.parametrize("limbs", [3, 4])
+def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatch):
+    """As those of a first path over a table, of which none was checked."""
+    lazy_table = lower_bounds.LowerBounds(small_table(limbs)[0]).lazy_table
+    path = NodePath(0.0, 0, np.zeros(41), np.arange(40), np.zeros(41))
+    machine = SlowMachine(monkeypatch)
+    with pytest.raises(OutOfTime):
+        lazy_table.checked_branch_sets(path, Clock(0.3))
+    assert machine.now <= 0.3 + OVERRUN
+
+
+def test_a_search_is_late_once_its_time_is_over(small_checked_graph):
+    graph = small_checked_graph
+    start = graph.state(graph.points[0].tolist())
+    goal = Goal.from_arguments(graph, graph.base_position[-1], "base", None, 0.2)
+    for limit in (0.0, 1e9, None):
+        search = SearchQuery.from_options(graph, goal, time_limit=limit)
+        bounds = lower_bounds.LowerBounds(graph)
+        assert TableSearch(bounds, search, start).is_late == (limit == 0.0)
 
 
 def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):

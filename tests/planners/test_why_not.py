@@ -9,9 +9,10 @@ from unreachable import unreachable
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import StanceError
-from mlivr_gym.planners import Planner
-from mlivr_gym.planners.planning_result import NO_SWING
-from mlivr_gym.planners.why_not import RULES
+from mlivr_gym.planners import Planner, why_not
+from mlivr_gym.planners.planning_result import NO_SWING, Timer, without_plan
+from mlivr_gym.planners.query import Goal
+from mlivr_gym.planners.why_not import OBSTACLES, RULES
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +81,33 @@ def test_without_the_rules_named_there_is_a_plan_and_with_fewer_there_is_none(sp
         assert RULES[cause.rules[0]][1] in cause.message
 
 
+def test_occupied_points_alone_may_cut_a_goal_off(small_checked_graph):
+    """All points are, but those of the first and the last stance of a plan."""
+    graph = small_checked_graph
+    planner, start = Planner(graph), graph.points[0].tolist()
+    goals = graph.base_position[::7]
+    plans = [planner.plan(start, goal, "steps", goal_tolerance=0.0).plan for goal in goals]
+    plan = max(filter(None, plans), key=lambda one: len(one.steps))
+    assert len(plan.steps) > 3
+    ends = {*plan.stances[0], *plan.stances[-1]}
+    graph.occupy([point for point in graph.grasp_map.ids if point not in ends])
+    cause = planner.why_not(start, plan.query.goal, goal_tolerance=0.0)
+    graph.vacate()
+    assert cause.rules == (OBSTACLES,)
+
+
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_rules_that_cut_off_together_alone_are_all_named(small_map, monkeypatch, count):
+    monkeypatch.setattr(why_not, "_plan_exists", lambda _, rules, *more: len(rules) >= count)
+    graph = stance_graph(small_map)
+    graph.occupy([small_map.ids[-1]])
+    goal = Goal.from_arguments(graph, graph.base_position[0], "steps", None, 0.2)
+    cause = why_not.find_cause(graph, graph.state(graph.points[0].tolist()), goal, 1)
+    assert cause.rules == tuple(RULES)[:count]
+    named = f"{', '.join(cause.rules[:-1])} and {cause.rules[-1]}"
+    assert cause.message == f"the goal is cut off by the combination of {named}"
+
+
 def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
     graph = small_checked_graph
     start, cabin = graph.points[0].tolist(), graph.grasp_map.cabin
@@ -105,6 +133,25 @@ def test_the_start_is_the_one_with_its_pose_and_joints(small_checked_graph):
     for more in ({"start_pose": pose}, {"start_joints": joints}):
         with pytest.raises(StanceError):
             Planner(graph).why_not(start, goal, **more)
+
+
+def test_rules_are_left_out_with_the_robot_where_it_is(small_checked_graph):
+    """At a goal that it has reached, beside the posture of its stance."""
+    graph = small_checked_graph
+    position, quaternion, _ = graph.configuration(graph.state(graph.points[0].tolist()))
+    beside = position + np.array([0.0, 0.0, 0.005])
+    start = graph.state(graph.points[0].tolist(), (*beside, *quaternion))
+    goal = Goal.from_arguments(graph, beside, "steps", None, 0.001)
+    assert why_not.is_plan_found(graph, start, goal, 100)
+
+
+def test_a_step_without_a_swing_is_the_cause_itself(small_checked_graph, monkeypatch):
+    """There is a path, so that no rule cuts the goal off."""
+    found = without_plan(NO_SWING, "no swing was found", Timer())
+    monkeypatch.setattr(Planner, "_searched", lambda *_: found)
+    graph = small_checked_graph
+    cause = Planner(graph).why_not(graph.points[0].tolist(), graph.base_position[-1])
+    assert cause == ((), "no swing was found")
 
 
 def test_the_command_tells_the_cause(capsys):

@@ -48,6 +48,19 @@ def test_draws_stay_within_their_sizes_and_fill_them():
     assert np.abs(offsets.mean(axis=0)).max() < 3e-4
 
 
+@pytest.mark.parametrize(
+    ("name", "value", "valid"),
+    [
+        ("refusal", 0.96, "from 0 to 0.95"), ("masses", 0.91, "from 0 to 0.9"),
+        ("stiffness", 0.99, "from 1 to 100"), ("delay", 0.11, "from 0 to 0.1"),
+        ("friction", -0.01, "from 0 to 1000"), ("encoder_bias", 1.01, "from 0 to 1"),
+    ],
+)  # fmt: skip
+def test_ranges_that_no_robot_has_are_refused(name, value, valid):
+    with pytest.raises(SettingError, match=f"{name} is {value}.*{valid}"):
+        DisturbanceRanges(**{name: value})
+
+
 def test_one_disturbance_does_not_move_the_others():
     whole = ALL.draw(3, 17, 2, 50)
     for field in fields(DisturbanceRanges):

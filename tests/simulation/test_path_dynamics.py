@@ -56,6 +56,19 @@ def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
                 np.testing.assert_allclose(curve, truth, atol=(2e-4, 2e-2)[order - 1] * most)
 
 
+def test_each_joint_has_limits_of_its_own(paths, monkeypatch):
+    """A joint that may do a times as much uses the a-th part of its limit."""
+    path, shares = paths[2], np.random.default_rng(0).uniform(1.0, 4.0, (2, 2, 6))
+    usual = segment_dynamics(path, path.segments[1], Limits())
+    for name, share in zip(("speed_limits", "torque_limits"), shares, strict=True):
+        monkeypatch.setattr(type(path.robot), name, share * getattr(path.robot, name))
+    found = segment_dynamics(path, path.segments[1], Limits())
+    speeds, torques = shares.reshape(2, 12)
+    np.testing.assert_allclose(found.speeds[:, :12] * speeds, usual.speeds[:, :12])
+    expected = usual.load_rates[:, :, :12, 0]
+    np.testing.assert_allclose(found.load_rates[:, :, :12, 0] * torques, expected, atol=1e-12)
+
+
 def test_the_simulation_asks_for_what_the_rows_say(checked_graph, walk, paths):
     """The largest torque, force and speed of each step, as MuJoCo measures them."""
     limits = Limits(profile="quintic")

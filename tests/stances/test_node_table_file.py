@@ -1,5 +1,6 @@
 """Files of node tables: read as written, mapped into memory, and refused where damaged."""
 
+import pickle
 from collections import OrderedDict
 from functools import partial
 from zipfile import ZIP_STORED
@@ -74,6 +75,16 @@ def test_a_mapped_table_is_found_again(graph, table, empty_cache, caplog):
     path.write_bytes(path.read_bytes()[:200])
     assert find_table(graph) is None
     assert "is damaged, or not of format" in caplog.text
+
+
+def test_a_copied_graph_has_the_table_that_is_stored(graph, table, empty_cache):
+    """It is found again and not copied, since it may take gigabytes."""
+    NODE_TABLES.cache(graph, table)
+    find_table(graph)
+    sent = pickle.dumps(graph)
+    assert len(sent) < table.points.nbytes + 100_000
+    table_files._memory.clear()
+    np.testing.assert_array_equal(pickle.loads(sent).table.points, table.points)
 
 
 def test_an_unpacked_table_of_another_graph_is_passed_over(graph, table, empty_cache, caplog):

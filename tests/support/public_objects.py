@@ -236,15 +236,17 @@ def masked():
     return env
 
 
-def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
-    """A policy in the middle of an episode."""
+def policy(new, id="MLIVR-JEM-v0", then=3, **given):
+    """A policy in the middle of an episode, which goes on."""
 
     @cache
     def env():
         return gymnasium.make(id, **given).unwrapped
 
-    def act(one, count):
+    def act(one, count, before=()):
         observation, _ = env().reset(seed=5)
+        for action in before:
+            observation, *_ = env().step(action)
         out = []
         for _ in range(count):
             out.append(one.act(env(), observation, env().action_masks()))
@@ -253,10 +255,14 @@ def policy(new, id="MLIVR-JEM-v0", first=2, then=3, **given):
 
     def begun():
         one = new()
-        act(one, first)
+        act(one, 1)
         return one
 
-    return Case(begun, lambda _: None, lambda one: act(one, then))
+    @cache
+    def before():
+        return act(new(), 1)
+
+    return Case(begun, lambda _: None, lambda one: act(one, then, before()))
 
 
 def refused(belief):
@@ -299,7 +305,7 @@ CASES = {
     "RandomPolicy": policy(RandomPolicy),
     "ExpertPolicy": policy(ExpertPolicy),
     "LookingPolicy": policy(lambda: LookingPolicy(RandomPolicy()), "MLIVR-JEM-Unknown-v0"),
-    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, 1, boxes=0, plates=0, camera=None),
+    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, boxes=0, plates=0, camera=None),
     "PlanPolicy": policy(planner_policy),
     "with a baseline": policy(lambda: baseline_policy("local")),
     "Belief": Case(lambda: Belief(stance_graph(LADDER), 0.003), lambda b: b.boxes(), refused),

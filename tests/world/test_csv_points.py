@@ -24,9 +24,12 @@ def test_a_table_makes_the_map_that_json_makes(tmp_path):
         )
     ]  # fmt: skip
     expected = GraspMap.from_dict({"points": points}, name="rack")
-    path = written(tmp_path, HEADER, ROWS[0], "", *ROWS[1:])
-    for found in (GraspMap.load(path), GraspMap.from_csv(path)):
-        assert found.to_dict() == expected.to_dict()
+    unnamed = "D,1.2,0,0,0,0,1,1,0,0,"  # on the face of the file's name
+    assert GraspMap.load(written(tmp_path, HEADER, *ROWS, unnamed)).faces[-1] == "rack"
+    for header in (HEADER, f"\ufeff{HEADER}"):  # as Excel writes it
+        path = written(tmp_path, header, ROWS[0], "", *ROWS[1:])
+        for found in (GraspMap.load(path), GraspMap.from_csv(path)):
+            assert found.to_dict() == expected.to_dict()
     boxes = [{"id": "locker", "min": [0, 1, 0], "max": [1, 2, 1]}]
     assert len(GraspMap.from_csv(path, boxes=boxes).boxes) == 1
     with pytest.raises(MapError, match="points is given beside"):

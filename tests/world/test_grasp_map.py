@@ -27,6 +27,13 @@ def test_points_left_out_at_handrails_match_the_measured_counts(clearance, left_
     assert 414 - len(jem_map(clearance=clearance)) == left_out
 
 
+def test_how_far_a_goal_lies_outside_the_cabin_is_told(jem):
+    inside = jem.cabin[1] - [0.0, 0.0, 0.1]
+    with pytest.raises(GoalError, match=r"lies 5\.000 m outside") as error:
+        jem.check_goal(np.add(inside, (3.0, 4.0, 0.0)))
+    assert str(error.value).endswith(f"the nearest position inside is {inside.tolist()}")
+
+
 def test_points_lie_on_their_tracks_with_outward_normals(jem):
     centre = jem.positions.mean(axis=0)
     for point, position, rotation in zip(jem.ids, jem.positions, jem.rotations, strict=True):

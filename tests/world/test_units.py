@@ -23,13 +23,13 @@ PER_METRE = {"mm": 1000, "cm": 100, "in": 1 / 0.0254, "ft": 1 / 0.3048}
 """Units in a metre: an inch is 25.4 mm by definition, and a foot is twelve of them."""
 
 
-def in_unit(data, unit, name="map"):
+def in_unit(data, unit, name="map", many=list):
     """A map with all lengths in another unit; those of its parts say their own."""
     if isinstance(data, dict):
-        scaled = {key: in_unit(inner, unit, key) for key, inner in data.items()}
+        scaled = {key: in_unit(inner, unit, key, many) for key, inner in data.items()}
         return scaled | {"unit": unit} if name == "map" else scaled
     if isinstance(data, list):
-        return [in_unit(inner, unit, name) for inner in data]
+        return many(in_unit(inner, unit, name, many) for inner in data)
     is_length = name in LENGTHS and isinstance(data, int | float)
     return PER_METRE[unit] * data if is_length else deepcopy(data)
 
@@ -44,9 +44,10 @@ WHOLE = {
 
 @pytest.mark.parametrize("unit", PER_METRE)
 @pytest.mark.parametrize("data", [JEM, LADDER, WHOLE], ids=["jem", "ladder", "whole"])
-def test_a_map_in_another_unit_is_that_in_metres(data, unit):
+@pytest.mark.parametrize("many", [list, tuple])
+def test_a_map_in_another_unit_is_that_in_metres(data, unit, many):
     expected = GraspMap.from_dict(data).to_dict()
-    found = GraspMap.from_dict(in_unit(data, unit)).to_dict()
+    found = GraspMap.from_dict(in_unit(data, unit, many=many)).to_dict()
     for name in ("positions", "rotations", "cabin"):
         np.testing.assert_allclose(found.pop(name), expected.pop(name), atol=1e-12)
     for name in ("boxes", "segments", "handrails"):

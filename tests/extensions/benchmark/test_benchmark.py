@@ -22,6 +22,7 @@ from mlivr_gym.extensions.benchmark import (
     protocol,
     run,
 )
+from mlivr_gym.extensions.benchmark.entry import EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
 
 pytestmark = pytest.mark.usefixtures("cache")
@@ -70,6 +71,14 @@ def greedy(tmp_path_factory, cache):
         entry = run("benchmark.greedy.greedy:act", "planner", None, (FAR,), TASKS)
     entry.write(folder)
     return folder
+
+
+def test_nineteen_of_twenty_seeds_score_between_the_percentiles():
+    """Of 41 seeds that score evenly spaced, all but one at each end do, and two on them."""
+    rows = [EpisodeRow(FAR, k, 0, True, 100.0, k + 1.0, (), (1.0,)) for k in range(41)]
+    told = results_of(rows)[FAR]
+    assert told["score_percentiles"] == [0.02, 0.4]
+    assert told["score"] == 0.21
 
 
 def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):

@@ -152,6 +152,8 @@ def test_a_path_is_blocked_by_what_was_seen_since_it_was_planned(seen, plan, jem
     assert belief.graph.obstacles
     assert belief.is_blocked(there, 0)
     assert not belief.is_blocked(there, 0)  # seen before
+    with pytest.raises(SettingError, match="first is -1; it must be a whole number from 0"):
+        belief.is_blocked(there, -1)
     again = there.at(np.arange(last + 1))
     assert not belief.is_blocked(again, 0)  # it was planned among what the graph has
     belief.add_hits(places + 0.05 * normal, here)

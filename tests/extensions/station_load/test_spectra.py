@@ -165,11 +165,14 @@ def test_the_command_reads_what_an_execution_has_written(walked, tmp_path, capsy
 def test_a_file_that_is_no_recording_is_refused(walked, tmp_path):
     recording = walked.recording
     np.savez(tmp_path / "few.npz", times=recording.times)
-    arrays = recording.arrays() | {"module_forces": recording.module_forces[1:]}
-    np.savez(tmp_path / "short.npz", **arrays)
-    for name, words in (("few", "cannot read simulation"), ("short", "module_forces")):
-        with pytest.raises(MlivrError, match=words):
-            load_recording(tmp_path / f"{name}.npz")
+    with pytest.raises(MlivrError, match="cannot read simulation"):
+        load_recording(tmp_path / "few.npz")
+    for name in ("step", "module_forces", "module_torques"):
+        whole = recording.arrays()
+        for wrong in (whole[name][1:], whole[name].astype(str)):
+            np.savez(tmp_path / "wrong.npz", **whole | {name: wrong})
+            with pytest.raises(MlivrError, match=rf"wrong\.npz.*{name}"):
+                load_recording(tmp_path / "wrong.npz")
 
 
 def test_the_load_of_a_station_is_drawn_with_its_limit(tmp_path, monkeypatch):

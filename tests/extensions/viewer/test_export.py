@@ -27,6 +27,18 @@ def test_a_plan_is_one_file_below_two_megabytes(checked_graph, walk, tmp_path):
     assert not fetched
 
 
+def test_a_step_of_a_plan_is_played_in_five_seconds(checked_graph, walk, tmp_path, monkeypatch):
+    told = []
+
+    def noted(page, times, period, *others):
+        told.append((times[0], times[-1], period * (len(times) - 1)))
+        return ""
+
+    monkeypatch.setattr(export.Page, "record", noted)
+    export.write_html(tmp_path / "walk.html", checked_graph, walk)
+    assert told == [(0.0, pytest.approx(20.0), pytest.approx(20.0))]
+
+
 def test_an_execution_shows_what_was_recorded(checked_graph, walk, tmp_path, monkeypatch):
     """Every pose that is drawn is one of the recording, from its first to its last."""
     recording, drawn = recording_of(walk), []

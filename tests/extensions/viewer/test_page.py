@@ -83,9 +83,9 @@ def test_pages_of_other_sites_in_the_same_browser_are_refused(page):
         for origin in (*origins, *alike):
             assert answer(page, **more, Origin=origin) == 403
         # A name of the other site that is made to lead here (DNS rebinding).
-        evil = f"evil.example:{port}"
-        assert answer(page, **more, Host=evil, Origin=f"http://{evil}") == 403
-        assert answer(page, **more, Host=evil) == 403
+        for evil in (f"evil.example:{port}", f"127.0.0.1.evil.example:{port}"):
+            assert answer(page, **more, Host=evil, Origin=f"http://{evil}") == 403
+            assert answer(page, **more, Host=evil) == 403
 
 
 def test_a_name_that_is_given_as_host_is_answered(scenes_made_once):

@@ -1,5 +1,7 @@
 """What follows from what people do on the page; nothing is drawn in a browser here."""
 
+import threading
+
 import numpy as np
 import pytest
 from recordings import recording_of
@@ -51,6 +53,18 @@ def test_playing_goes_on_to_the_end_and_begins_again(viewer):
     assert (viewer.time, viewer.playing) == (0.0, True)
     viewer.scrub(7.0)
     assert (viewer.time, viewer.playing) == (7.0, False)
+
+
+@pytest.mark.parametrize("name", ["change", "refresh", "seek", "toggle", "tick"])
+def test_what_one_visitor_does_waits_for_what_another_is_doing(viewer, name):
+    done = threading.Event()
+    given = {"change": [done.set], "seek": [1.0]}.get(name, [])
+    thread = threading.Thread(target=lambda: (getattr(viewer, name)(*given), done.set()))
+    with viewer._lock:
+        thread.start()
+        assert not done.wait(0.2)
+    thread.join()
+    assert done.is_set()
 
 
 def enlarged(viewer):

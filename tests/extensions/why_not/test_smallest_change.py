@@ -14,9 +14,11 @@ from unreachable import unreachable
 from mlivr_gym import Box, GraspMap, Settings, stance_graph
 from mlivr_gym.cli.arguments import numbered_boxes
 from mlivr_gym.cli.main import main
+from mlivr_gym.extensions.why_not import smallest_change
 from mlivr_gym.extensions.why_not.smallest_change import (
     KINDS,
     THRESHOLD_RESOLUTION,
+    Change,
     minimum_subset,
     smallest_changes,
     smallest_subset,
@@ -115,6 +117,20 @@ def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
     for some in (small, few):
         assert suffices(some)
         assert not any(suffices([one for one in some if one != spared]) for spared in some)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_change_of_fewest_parts_comes_first(small_checked_graph, monkeypatch, count):
+    """Of two of equal size that of obstacles."""
+    graph, parts = small_checked_graph, ("a", "b")[:count]
+    given = {
+        "_fewer_obstacles": Change("obstacles", parts, True, 3),
+        "_lower_threshold": Change("limb_threshold", ("0.05",), True, 3),
+    }
+    for name, change in given.items():
+        monkeypatch.setattr(smallest_change, name, lambda *_, change=change: [change])
+    found = smallest_changes(graph, graph.points[0].tolist(), graph.base_position[-1])
+    assert found == tuple(given.values())[:: 1 if count == 1 else -1]
 
 
 def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
