@@ -87,14 +87,24 @@ class LazyTable(ABC):
         step.
         """
 
-    def branch_sets_after(
+    def _kept_at_most(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Return an upper bound of `_kept` that is quick to see, and `_kept` where it is known."""
+        return self._kept(edges)
+
+    def branch_sets_at_most(
         self, edges: IntArray, branch_sets: NDArray[np.uint64]
     ) -> NDArray[np.uint64]:
-        """Check edges; return the branches that limbs may be on after them, 0 for no step.
+        """Return an upper bound of the branches that limbs may be on after edges, 0 for no step.
 
         The numbers of the edges, the branches before them and those after have shape (k,).
         """
-        kept, after, limbs = self._kept(edges), np.zeros_like(branch_sets), self.table.limbs
+        return self._after(edges, branch_sets, self._kept_at_most(edges))
+
+    def _after(
+        self, edges: IntArray, branch_sets: NDArray[np.uint64], kept: NDArray[np.uint64]
+    ) -> NDArray[np.uint64]:
+        """Return the branches after edges by those before them and those kept, shape (k,)."""
+        after, limbs = np.zeros_like(branch_sets), self.table.limbs
         (start, i), (end, j), _ = edge_ends(self.table, edges)
         leaves, grasps = (unpacked(self.table.releasable[rows], limbs) for rows in (start, end))
         before, rows = unpacked(branch_sets, limbs), np.arange(len(edges))
@@ -114,7 +124,8 @@ class LazyTable(ABC):
             self._kept(path.edges[piece])
         found = [path.branch_sets[:1]]
         for k in range(len(path.edges)):
-            found.append(self.branch_sets_after(path.edges[k : k + 1], found[-1]))
+            edge = path.edges[k : k + 1]
+            found.append(self._after(edge, found[-1], self._kept(edge)))
             if not found[-1][0]:
                 return None
         return np.concatenate(found)
@@ -149,6 +160,7 @@ class LazyTwoLimbTable(LazyTable):
         """Start with the nodes and edges that the graph knows."""
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
+        self._seen = CheckedEdges.empty(len(self.table.points))
         if graph.obstacles or graph.occupied or not self.is_complete:
             joined, releasable = self.table.joined.copy(), self.table.releasable.copy()
             clear_bits(joined, graph.blocked_edges)
@@ -175,11 +187,33 @@ class LazyTwoLimbTable(LazyTable):
         """Check edges, see `LazyTable`."""
         self.check_effort += EDGE_EFFORT * len(edges)
         (before, limb), (end, _), back = edge_ends(self.table, edges)
-        kept = self.graph.kept_branches(1 - limb, before, end)
+        kept = self.graph.kept_branches(1 - limb, before, end).astype(np.uint64)
+        self._record(before, end, edges, back, kept)
+        return kept
+
+    def _record(
+        self,
+        before: IntArray,
+        end: IntArray,
+        edges: IntArray,
+        back: IntArray,
+        kept: NDArray[np.uint64],
+    ) -> None:
+        """Record what edges and those back keep, and what was found of their nodes, shape (k,)."""
         clear_bits(self.table.joined, np.concatenate([edges[kept == 0], back[kept == 0]]))
+        self._seen = self._seen.with_edges(before, edges, kept).with_edges(end, back, kept)
         if not self.is_complete:
             self._record_nodes(np.concatenate([before, end]))
-        return kept.astype(np.uint64)
+
+    def _kept_at_most(self, edges: IntArray) -> NDArray[np.uint64]:
+        """Look at edges once, see `LazyTable`."""
+        unseen = np.unique(edges[~self._seen.contains(edges)])
+        if len(unseen):
+            self.check_effort += EDGE_EFFORT * len(unseen)
+            (before, limb), (end, _), back = edge_ends(self.table, unseen)
+            kept = self.graph.kept_at_most(1 - limb, before, end).astype(np.uint64)
+            self._record(before, end, unseen, back, kept)
+        return self._seen.kept_on(edges)
 
 
 class LazyNodeTable(LazyTable):

@@ -5,9 +5,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 
 * *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
-  checked when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
-  Likhachev 2014). In between, searches from the goal raise the lower bounds by the edges that were
-  checked. The first path is optimal. `level_search` finds fewest steps if that takes long.
+  looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
+  Likhachev 2014), and checked when a path uses it. In between, searches from the goal raise the
+  lower bounds by the edges that were seen. `level_search` finds fewest steps if that takes long.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
@@ -211,7 +211,7 @@ class TableSearch(PathSearch):
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
-            clock=self.clock, check=self._check_edges,
+            clock=self.clock, check=self._look_at,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
         explored = self._labels.expanded[: found.expanded]
@@ -273,7 +273,7 @@ class TableSearch(PathSearch):
         found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
-            clock=self.clock, check=self._check_edges, check_nodes=self._check_nodes,
+            clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
         self._is_complete = found.end == SEARCH_COMPLETE
         self._is_exhausted = self._is_complete and found.path is None
@@ -285,12 +285,12 @@ class TableSearch(PathSearch):
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
 
-    def _check_edges(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Check edges, see `LazyTable.branch_sets_after`; `OutOfTime` once the effort is spent."""
+    def _look_at(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
+        """Look at edges, see `LazyTable`; `OutOfTime` once the effort is spent."""
         if self.effort >= self.search.effort:
             raise OutOfTime
         pieces = self.clock.pieces("edges", len(edges))
-        after = [self._lazy_table.branch_sets_after(edges[k], branch_sets[k]) for k in pieces]
+        after = [self._lazy_table.branch_sets_at_most(edges[k], branch_sets[k]) for k in pieces]
         return np.concatenate([branch_sets[:0], *after])
 
     def _proves(self, stage: SearchParameters) -> bool:
@@ -303,9 +303,9 @@ class TableSearch(PathSearch):
         return (self._is_exhausted and keeps_all) or stage.cost_weight == 1.0
 
     def _checked_walk(self, path: NodePath, stage: SearchParameters) -> StatePath | None:
-        """Check the edges of a path unless its search did; return its states, None if one fails."""
+        """Check the edges of a path; return its states, None if one fails."""
         lazy_table, branch_sets = self._lazy_table, path.branch_sets
-        if not stage.check_when_popped:
+        if not lazy_table.is_complete:
             kept = lazy_table.checked_branch_sets(path, self.clock)
             if kept is None:
                 return None

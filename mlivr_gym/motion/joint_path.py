@@ -11,7 +11,8 @@ approach, and at the corners of the swing between them. Between two rests lies a
 
 **Where knots come from.** `commitment` chooses branches and swing of a step on an edge of the
 stance graph. `straight_base` takes knots from curves that were checked, and steps that are not
-checked move as in the paper, `paper_motion`. Above its points the gripper follows the surface normal, see `step_ends`.
+checked move as in the paper, `paper_motion`. Above its points the gripper follows the surface
+normal, see `step_ends`.
 
 **Timing.** A segment is passed smoothly from rest to rest, with a time scaling sigma(t) of its path
 parameter from 0 to 1. Between two knots alone it is their line. Otherwise it is the uniform cubic

@@ -90,6 +90,12 @@ class TwoLimbEdges:
         self.checks.check(steps, self.stances, self._world)
         self._store(support, before, after, _edges_of(steps, support))
 
+    def look(self, support: IntArray, before: IntArray, after: IntArray) -> IntArray:
+        """Return the branches that steps keep at most, by what is quick to see, shape (k,)."""
+        self.check_steps(support, before, after)
+        index = self.index(support, before, after)
+        return np.asarray(self.table.edges["kept"][index], dtype=np.int64)
+
     def _unknown(
         self, support: IntArray, before: IntArray, after: IntArray
     ) -> tuple[IntArray, IntArray, IntArray]:
@@ -205,6 +211,21 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
         blocked = branch_sets[s, 1 - limb] == 0
         releases["branches"][s[blocked], limb[blocked]] = 0
         super()._release(self._changed_releases(todo[self.close[s] & ~blocked]))
+
+    def look(self, support: IntArray, before: IntArray, after: IntArray) -> IntArray:
+        """Return the branches that steps keep at most, see `TwoLimbEdges`."""
+        if not self.free.is_complete:
+            return super().look(support, before, after)
+        self.check_nodes(np.concatenate([before, after]))
+        edges: IntArray = self.free.table.edges["kept"]
+        kept = edges[self.index(support, before, after)].astype(np.int64)
+        close = np.flatnonzero((self.close[before] | self.close[after]) & (kept != 0))
+        rows, support = np.arange(len(close)), support[close]
+        steps = self._steps(support, before[close], after[close])
+        steps["kept"][rows, support] = kept[close]
+        self.checks.look(steps, self.stances, self._world)
+        kept[close] = steps["kept"][rows, support]
+        return kept
 
     def _changed_releases(self, todo: IntArray) -> IntArray:
         """Return those releases that are not as before the last obstacles, or were unknown, (k, 2).

@@ -342,6 +342,11 @@ class TwoLimbGraph(StanceGraph):
         index = self._known.index(support, before, after)
         return np.asarray(self.steps.edges["kept"][index], dtype=np.int64)
 
+    def kept_at_most(self, support: IntArray, before: IntArray, after: IntArray) -> IntArray:
+        """Return an upper bound of `kept_branches` that is quick to see, for arrays, shape (k,)."""
+        known = self._known.look if self.settings.transitions else self.kept_branches
+        return known(support, before, after)
+
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         self.check(state)

@@ -26,7 +26,7 @@ from mlivr_gym.transitions.records import (
 )
 from mlivr_gym.transitions.relaxed_steps import relax_all
 from mlivr_gym.transitions.release import release_all
-from mlivr_gym.transitions.steps import check_all, check_supports
+from mlivr_gym.transitions.steps import check_all, check_supports, look_all
 
 LEAST_IN_THREADS = 8
 """Number of releases or steps from which on threads are used; each takes about 0.1 ms."""
@@ -106,6 +106,10 @@ class StepChecks:
         """Return for which steps the support limbs can move on some way of the base, shape (k,)."""
         self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
+
+    def look(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
+        """Leave of the branches that steps keep those that are clear in places, see `look_all`."""
+        self._run(len(steps), look_all, steps, StepContext(stances, self.robots, world))
 
     def check(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Check steps between stances; the results are written into them."""
