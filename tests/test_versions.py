@@ -96,11 +96,11 @@ def test_what_ships_is_of_this_version(env):
     ("place", "value", "said"),
     [
         ("rules", GRAPH_RULES + 1, f"has rules {GRAPH_RULES + 1}, and this version has rules"),
-        ("format", 7, "has format 7, and this version has format 8;"),
+        ("format", 7, "has format 7, and this version has format 9;"),
         ("robot", "0" * 16, "is for another robot;"),
         ("map", "0" * 16, "is for another map;"),
         ("settings", asdict(Settings(clearance=0.01)), "is for other settings (clearance);"),
-        (None, None, "is damaged, or not of format 8;"),
+        (None, None, "is damaged, or not of format 9;"),
     ],
 )
 def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):

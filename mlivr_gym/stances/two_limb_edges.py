@@ -218,7 +218,7 @@ class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
             return super().look(support, before, after)
         self.check_nodes(np.concatenate([before, after]))
         edges: IntArray = self.free.table.edges["kept"]
-        kept = edges[self.index(support, before, after)].astype(np.int64)
+        kept: IntArray = edges[self.index(support, before, after)].astype(np.int64)
         close = np.flatnonzero((self.close[before] | self.close[after]) & (kept != 0))
         rows, support = np.arange(len(close)), support[close]
         steps = self._steps(support, before[close], after[close])

@@ -24,7 +24,7 @@ CUSTOM = [
     Cost.custom(step_weight=0.5, prices=np.arange(60.0) % 7),
 ]
 COSTS = [("base", None), ("steps", None), ("weighted", 0.2), *((cost, None) for cost in CUSTOM)]
-CRATE = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
+CRATE = Box.between("crate", "obstacle", (1.6, -0.15, -0.6), (1.8, 0.15, 0.0))
 FEW, MORE = ("D1a", "F1b", "F2b"), ("D1a", "D2a", "F1b", "A1a")
 WORLDS = {
     "no collisions": (FEW, NO_COLLISIONS, ()),

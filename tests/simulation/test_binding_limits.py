@@ -26,7 +26,7 @@ def shares_of_limits(grasp_map, walk, limits):
     """The largest share of each limit in each segment of a step, by name, from its positions."""
     path, stances = walk.joint_path(2), walk.stances[2:4]
     timed, robot, limb = timed_path(path, limits), path.robot, path.limb
-    moved = trajectory(grasp_map, stances, timed, timed.duration / 3000)
+    moved = trajectory(grasp_map, stances, timed, timed.duration / 6000)
     loads = loads_of(robot, moved, [i for i in range(robot.limbs) if i != limb])
     force, torque = (np.linalg.norm(loads.wrenches[..., k : k + 3], axis=2) for k in (0, 3))
     at_ends = np.isin(moved.phase[1:-1], [0, 2])
@@ -53,7 +53,7 @@ def test_the_limit_that_decides_is_reached_and_none_is_exceeded(jem, walk, name,
     acceleration rises within a hundredth of it.
     """
     shares = shares_of_limits(jem, walk, replace(LOOSE, profile=profile, **{name: TIGHT[name]}))
-    decided = slice(None, None, 2) if name == "surface_speed" else slice(None)
+    decided = [0, -1] if name == "surface_speed" else slice(None)
     reached = shares.pop(name)[decided]
     assert reached.max() < 1.005
     # Differences over three samples cut off the peak of an acceleration that has just risen.

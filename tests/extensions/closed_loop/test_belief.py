@@ -22,18 +22,17 @@ CAMERA = DepthCamera()
 @pytest.fixture
 def seen(graph, jem, plan):
     """A function that looks round several times among unknown boxes and returns the belief."""
-    motion, points = plan.motion, [jem.index(point) for point in plan.stances[0]]
+    points = [jem.index(point) for point in plan.stances[0]]
+    configuration = graph.configuration(graph.state(points))
 
     def look(*unknown, times=3):
         graph.remove_obstacles()
         simulation = Setup().simulation(jem, graph.robot, unknown)
-        simulation.reset(
-            motion.base_positions[0], motion.base_quaternions[0], motion.joint_positions[0], points
-        )
+        simulation.reset(*configuration, points)
         belief, rng = Belief(graph, CAMERA.noise), np.random.default_rng(5)
         for _ in range(times):
             hits, _ = CAMERA.measure(simulation.model, simulation.data, graph.robot, rng)
-            belief.add_hits(hits, plan.configuration(0))
+            belief.add_hits(hits, configuration)
         belief.update_graph(graph.state(points))
         return belief
 

@@ -101,7 +101,7 @@ def test_it_goes_where_a_wall_was_that_it_saw(graph, monkeypatch):
             model.geom_pos[model.geom("box/wall").id, 2] = 50.0
 
     among = {"unknown": [wall], "camera": CAMERA}
-    there = run_closed_loop(graph, START, GOAL, **among, max_steps=2)
+    there = run_closed_loop(graph, START, GOAL, **among, max_steps=6)
     gone = run_closed_loop(graph, START, GOAL, **among, show=take_away)
     assert "freed" not in kinds(there)
     assert "freed" in kinds(gone)

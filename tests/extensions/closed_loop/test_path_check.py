@@ -74,7 +74,7 @@ def test_a_robot_beside_its_path_touches_what_is_as_near_as_a_touch(path, shift)
     ahead = (path.times >= now - 1e-9) & (path.times < now + HORIZON + 0.1)
     axes = path.axes[ahead] + np.array(shift)
     for cube, touches in zip(
-        cubes_at(axes, path.radii, np.array([0.2, -1.0, 0.3]), (1.2 * TOUCH, 0.8 * TOUCH)),
+        cubes_at(axes, path.radii, np.array([0.3, 1.0, 0.2]), (1.2 * TOUCH, 0.8 * TOUCH)),
         (False, True), strict=True,
     ):  # fmt: skip
         assert path.will_touch([cube], first, present) == touches

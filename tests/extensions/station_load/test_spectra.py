@@ -31,7 +31,7 @@ def plan(walk):
 @pytest.fixture(scope="module")
 def simulation(jem, plan):
     """With a time step at which MuJoCo conserves momentum to 3 %; the error grows with it."""
-    return Simulation(jem, plan.world.robot, Physics(timestep=0.0005), controller=FEEDFORWARD)
+    return Simulation(jem, plan.world.robot, Physics(timestep=0.0002), controller=FEEDFORWARD)
 
 
 @pytest.fixture(scope="module")
