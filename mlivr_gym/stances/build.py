@@ -74,8 +74,8 @@ def _why_empty(graph: TwoLimbGraph) -> str:
     """Return why a graph without stances has none."""
     if not graph.reachable:
         return (
-            f"no base pose at heights {graph.robot.heights} m lets limbs mounted "
-            f"{graph.robot.mount_radius:g} m from the axis reach two points"
+            f"no base pose at heights {graph.robot.heights} m lets the limbs reach two points; "
+            "give the robot other heights"
         )
     touching = ", ".join(
         f"{count} touch {TOUCHED[REMOVED[name][0]]}"
@@ -92,4 +92,4 @@ def _why_empty(graph: TwoLimbGraph) -> str:
             f"of {graph.reachable} stances in reach none is left; of those that meet {thresholds} "
             f"{touching}{': ' if told else ''}{told}"
         )
-    return f"of {graph.reachable} stances in reach none meets {thresholds}"
+    return f"of {graph.reachable} stances in reach none meets {thresholds}; lower limb_threshold"
