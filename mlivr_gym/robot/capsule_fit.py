@@ -133,7 +133,7 @@ def capsules_of(solid: Hull) -> list[FittedCapsule]:
             pieces[done : done + 1] = halves
         else:
             done += 1
-    return [smallest_capsule(piece) for _, piece in pieces]
+    return [fit for fit, _ in pieces]
 
 
 def _principal(points: Array) -> tuple[Array, Array]:
@@ -152,34 +152,6 @@ def _fitted(solid: Hull) -> FittedCapsule:
     axes, middle = _principal(points)
     fits = (_along(points, middle, axis) for axis in (*axes.T, *np.eye(3)))
     return _with_excess(points, *min(fits, key=_volume))
-
-
-def smallest_capsule(solid: Hull) -> FittedCapsule:
-    """Return a capsule of small volume that contains a solid.
-
-    The search begins with the best capsule along a principal axis of the points.
-    """
-    from scipy.optimize import minimize
-
-    best = _fitted(solid)
-    if len(solid.points) <= 2:
-        return best
-    axis = best.end - best.start
-    size = float(np.linalg.norm(axis))
-    axis = axis / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
-    across = np.linalg.svd(axis[None])[2][1:]
-    middle, scale = 0.5 * (best.start + best.end), float(np.ptp(solid.points, axis=0).max())
-
-    def shifted(x: Array) -> tuple[Array, Array, float]:
-        through = middle + scale * (x[2:] @ across)
-        return _along(solid.points, through, axis + x[:2] @ across)
-
-    found = minimize(
-        lambda x: _volume(shifted(x)), np.zeros(4), method="Nelder-Mead",
-        options={"maxiter": 150, "initial_simplex": np.vstack([np.zeros(4), 0.05 * np.eye(4)])},
-    )  # fmt: skip
-    other = _with_excess(solid.points, *shifted(found.x))
-    return min(best, other, key=lambda fit: _volume(fit[:3]))
 
 
 def capsule_on_axis(solid: Hull) -> FittedCapsule:
@@ -271,6 +243,6 @@ def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
         remaining = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
         faces += [np.stack(triangle, axis=1) for triangle in remaining]
     rows = np.concatenate(faces)
-    is_left = np.zeros(used, dtype=bool)
-    is_left[rows] = True
-    return _hull(np.concatenate(corners)[is_left], (np.cumsum(is_left) - 1)[rows])
+    is_used = np.zeros(used, dtype=bool)
+    is_used[rows] = True
+    return _hull(np.concatenate(corners)[is_used], (np.cumsum(is_used) - 1)[rows])

@@ -180,7 +180,7 @@ def test_rounded_inertias_are_repaired_within_one_per_cent_and_it_is_said(tmp_pa
     text = one_arm().replace(INERTIA, figures.format(0.02791), 1)
     robot = robot_spec(written(tmp_path, text))
     assert re.search("inertia of base_link repaired: .* by 0.036 % at most", robot.source)
-    dynamics = robot.limb_dynamics
+    dynamics = robot.dynamics_of(0)
     moments = np.linalg.eigvalsh(np.array(dynamics.base_inertia)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
     np.testing.assert_allclose(moments, [0.0139, 0.014, 0.0279], rtol=1e-6)
     worse = one_arm().replace(INERTIA, figures.format(0.0290), 1)

@@ -27,7 +27,7 @@ def place(position, axis, after_move=(0.3, 0.4, 0.5)):
 
 def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
     robot = robot_spec(written(tmp_path, one_arm()))
-    dynamics = robot.limb_dynamics
+    dynamics = robot.dynamics_of(0)
     assert robot.limb.joint_limits[2] == (-3.1, 3.0)
     assert dynamics.torque_limits == (100.0, 101.0, 102.0, 103.0, 104.0, 105.0)
     assert dynamics.speed_limits == (2.0,) * 6
