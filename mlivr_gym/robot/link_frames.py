@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +11,20 @@ from numpy.typing import ArrayLike
 from mlivr_gym.arrays import Array
 from mlivr_gym.kinematics.forms import frames_at
 
-if TYPE_CHECKING:
-    from mlivr_gym.robot.limb import Limb
+
+class ChainOfLinks(Protocol):
+    """A chain of links, such as a `Limb`."""
+
+    @property
+    def steps(self) -> Array:
+        """Frames of the six links, each in that of the link before, shape (6, 4, 4)."""
+
+    @property
+    def senses(self) -> Array:
+        """1 or -1 for each joint, shape (6,): against the z axis of its link if -1."""
 
 
-def link_frames(limb: Limb, angles: Array) -> Array:
+def link_frames(limb: ChainOfLinks, angles: Array) -> Array:
     """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
 
     Joint angles have shape (..., 6) [rad].
