@@ -73,9 +73,11 @@ def in_same_world(
 def _why_empty(graph: TwoLimbGraph) -> str:
     """Return why a graph without stances has none."""
     if not graph.reachable:
+        robot = graph.robot
+        where = "" if robot.mounts else f" mounted {robot.mount_radius:g} m from the axis"
         return (
-            f"no base pose at heights {graph.robot.heights} m lets the limbs reach two points; "
-            "give the robot other heights"
+            f"no base pose at heights {robot.heights} m lets limbs{where} reach two points; give "
+            "the robot other heights"
         )
     touching = ", ".join(
         f"{count} touch {TOUCHED[REMOVED[name][0]]}"

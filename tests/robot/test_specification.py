@@ -108,7 +108,9 @@ def test_a_robot_without_a_name_is_called_like_its_file(tmp_path):
 
 
 def test_mounts_that_cannot_reach_are_named(ladder):
-    with pytest.raises(RobotError, match=r"cannot hold any stance on map 'ladder'.*2.5 m"):
+    with pytest.raises(
+        RobotError, match=r"on map 'ladder': .* 2.5 m .*; give the robot other heights"
+    ):
         stance_graph(ladder, RobotSpec(name="wide", mount_radius=2.5))
 
 
