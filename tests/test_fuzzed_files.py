@@ -38,7 +38,7 @@ TASKS = json.loads(asset_path("test_set.json").read_text(encoding="utf-8"))
 FILES = {
     "map": MODULE,
     "saved map": json.loads(json.dumps(GraspMap.from_dict(MODULE | {"spacing": 0.5}).to_dict())),
-    "robot": json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict())),
+    "robot": json.loads(json.dumps(RobotSpec(capsules=RobotSpec().mounted[0].capsules).to_dict())),
     "obstacles": {"boxes": BOXES, "occupied": ["D1a:4", "D2a:3"]},
     "training": json.loads(asset_path("training.json").read_text(encoding="utf-8")),
     "tasks": TASKS | {"worlds": [one | {"tasks": one["tasks"][:2]} for one in TASKS["worlds"][:3]]},

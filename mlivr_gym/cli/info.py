@@ -76,7 +76,7 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "characteristic_length": robot.characteristic_length,
             "body_size": robot.body_size,
             **({} if robot.cargo is None else {"cargo": asdict(robot.cargo)}),
-            "capsules_of_a_limb": len(robot.shapes),
+            "capsules_of_a_limb": len(robot.mounted[0].capsules or ()),
             "masses_and_limits": robot.dynamics_source,
             **({"source": robot.source} if robot.source else {}),
         },

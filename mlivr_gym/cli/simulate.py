@@ -140,6 +140,8 @@ def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan
             graph, plan, setup.timing, progress=progress.show, simulation=simulation
         )
     _report(execution)
+    if execution.failure is not None and args.pace == "fast":
+        print("a slower execution may succeed: --pace gentle")
     args.result |= execution.summary() | {"folder": out, "files": FILES}
     with all_or_none(args, out):
         if not _keeps_plan_file(args):

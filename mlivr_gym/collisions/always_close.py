@@ -68,7 +68,9 @@ def told_always_close(robot: RobotSpec, clearance: float) -> str:
     if between or any(BODY in pair for pair in pairs):
         remedies.append("a larger mount_radius" + ", or limbs farther apart" * between)
     if apart := [pair for pair in pairs if pair in APART]:
-        remedies.append(f"apart={[*robot.apart, *apart]} if these links never meet")
+        remedies.append(
+            f"apart={[*robot.apart, *apart]} (--allow-touching) if these links never meet"
+        )
     return (
         f"{listed}{'' if between else ' of a limb'} are within {clearance:g} m of each other in "
         "every posture; give "

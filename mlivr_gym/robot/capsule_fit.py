@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 
 TOLERATED = 0.02
 """Excess above which a shape is cut in two [m]."""
@@ -47,8 +47,14 @@ class Hull(NamedTuple):
     """Corners of the hull, or centres of balls [m], shape (k, 3)."""
     radius: float
     """Radius of the balls, of triangles 0 [m]."""
-    triangles: Array
-    """Corners of triangles [m], shape (t, 3, 3); none of balls."""
+    corners: Array
+    """Corners of triangles [m], shape (v, 3)."""
+    faces: IntArray
+    """Triangles as numbers of their corners, shape (t, 3); none of balls."""
+
+
+NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+"""Corners and faces of no triangles."""
 
 
 class FittedCapsule(NamedTuple):
@@ -69,10 +75,10 @@ def solid_of(model: Any, geom: int) -> Hull | None:
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_SPHERE:
-        return Hull(np.zeros((1, 3)), float(size[0]), np.empty((0, 3, 3)))
+        return Hull(np.zeros((1, 3)), float(size[0]), *NOTHING)
     if kind == kinds.mjGEOM_CAPSULE:
         ends = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]])
-        return Hull(ends, float(size[0]), np.empty((0, 3, 3)))
+        return Hull(ends, float(size[0]), *NOTHING)
     if kind == kinds.mjGEOM_BOX:
         return _hull(np.array(list(product((-1.0, 1.0), repeat=3))) * size)
     if kind == kinds.mjGEOM_CYLINDER:
@@ -88,8 +94,8 @@ def solid_of(model: Any, geom: int) -> Hull | None:
         first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
         points = np.asarray(model.mesh_vert[first : first + count], dtype=np.float64)
         first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-        triangles = points[model.mesh_face[first : first + count]]
-        return _hull(points, triangles) or Hull(points, 0.0, triangles)
+        faces = model.mesh_face[first : first + count]
+        return _hull(points, faces) or Hull(points, 0.0, points, faces)
     return None
 
 
@@ -105,8 +111,8 @@ def directions() -> Array:
 
 def moved_solid(solid: Hull, position: Array, rotation: Array) -> Hull:
     """Return a solid in the frame in which its own has a position and a rotation."""
-    points, triangles = (part @ rotation.T + position for part in (solid.points, solid.triangles))
-    return Hull(points, solid.radius, triangles)
+    points, corners = (part @ rotation.T + position for part in (solid.points, solid.corners))
+    return Hull(points, solid.radius, corners, solid.faces)
 
 
 def capsules_of(solid: Hull) -> list[FittedCapsule]:
@@ -127,7 +133,7 @@ def capsules_of(solid: Hull) -> list[FittedCapsule]:
             pieces[done : done + 1] = halves
         else:
             done += 1
-    return [smallest_capsule(piece) for _, piece in pieces]
+    return [fit for fit, _ in pieces]
 
 
 def _principal(points: Array) -> tuple[Array, Array]:
@@ -146,34 +152,6 @@ def _fitted(solid: Hull) -> FittedCapsule:
     axes, middle = _principal(points)
     fits = (_along(points, middle, axis) for axis in (*axes.T, *np.eye(3)))
     return _with_excess(points, *min(fits, key=_volume))
-
-
-def smallest_capsule(solid: Hull) -> FittedCapsule:
-    """Return a capsule of small volume that contains a solid.
-
-    The search begins with the best capsule along a principal axis of the points.
-    """
-    from scipy.optimize import minimize
-
-    best = _fitted(solid)
-    if len(solid.points) <= 2:
-        return best
-    axis = best.end - best.start
-    size = float(np.linalg.norm(axis))
-    axis = axis / size if size > 1e-9 else np.array([0.0, 0.0, 1.0])
-    across = np.linalg.svd(axis[None])[2][1:]
-    middle, scale = 0.5 * (best.start + best.end), float(np.ptp(solid.points, axis=0).max())
-
-    def shifted(x: Array) -> tuple[Array, Array, float]:
-        through = middle + scale * (x[2:] @ across)
-        return _along(solid.points, through, axis + x[:2] @ across)
-
-    found = minimize(
-        lambda x: _volume(shifted(x)), np.zeros(4), method="Nelder-Mead",
-        options={"maxiter": 150, "initial_simplex": np.vstack([np.zeros(4), 0.05 * np.eye(4)])},
-    )  # fmt: skip
-    other = _with_excess(solid.points, *shifted(found.x))
-    return min(best, other, key=lambda fit: _volume(fit[:3]))
 
 
 def capsule_on_axis(solid: Hull) -> FittedCapsule:
@@ -231,7 +209,7 @@ def _halves(solid: Hull) -> list[tuple[FittedCapsule, Hull]]:
     return best
 
 
-def _hull(points: Array, triangles: Array | None = None) -> Hull | None:
+def _hull(points: Array, faces: IntArray | None = None) -> Hull | None:
     """Return the solid of some triangles, by default those of the convex hull; None if flat."""
     from scipy.spatial import ConvexHull, QhullError
 
@@ -239,8 +217,7 @@ def _hull(points: Array, triangles: Array | None = None) -> Hull | None:
         hull = ConvexHull(points)
     except (QhullError, ValueError):
         return None
-    faces = points[hull.simplices] if triangles is None else triangles
-    return Hull(points[hull.vertices], 0.0, faces)
+    return Hull(points[hull.vertices], 0.0, points, hull.simplices if faces is None else faces)
 
 
 def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
@@ -248,23 +225,24 @@ def _kept(solid: Hull, point: Array, axis: Array) -> Hull | None:
 
     Triangles that pass the plane are cut.
     """
-    inside = (solid.triangles - point) @ axis >= 0.0
+    height = (solid.corners - point) @ axis
+    inside = (height >= 0.0)[solid.faces]
     count = inside.sum(axis=1)
-    parts = [solid.triangles[count == 3]]
+    corners, faces, used = [solid.corners], [solid.faces[count == 3]], len(solid.corners)
     for kept in (1, 2):
         # Turned so that the first corner is the one that is alone on its side.
-        cut, alone = solid.triangles[count == kept], inside[count == kept] == (kept == 1)
+        cut, alone = solid.faces[count == kept], inside[count == kept] == (kept == 1)
         order = (alone.argmax(axis=1)[:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(cut, order[:, :, None], axis=1).swapaxes(0, 1)
-        ab, ac = _crossings(a, b, point, axis), _crossings(a, c, point, axis)
+        a, b, c = np.take_along_axis(cut, order, axis=1).T
+        ab, ac = used + np.arange(2 * len(a)).reshape(2, -1)
+        for other in (b, c):
+            share = height[a] / (height[a] - height[other])
+            along = solid.corners[other] - solid.corners[a]
+            corners.append(solid.corners[a] + share[:, None] * along)
+        used += 2 * len(a)
         remaining = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
-        parts += [np.stack(corners, axis=1) for corners in remaining]
-    triangles = np.concatenate(parts)
-    return _hull(triangles.reshape(-1, 3), triangles)
-
-
-def _crossings(a: Array, b: Array, point: Array, axis: Array) -> Array:
-    """Return where lines from points a, shape (k, 3), to points b pass a plane, shape (k, 3)."""
-    low, high = (a - point) @ axis, (b - point) @ axis
-    crossings: Array = a + (low / (low - high))[:, None] * (b - a)
-    return crossings
+        faces += [np.stack(triangle, axis=1) for triangle in remaining]
+    rows = np.concatenate(faces)
+    is_used = np.zeros(used, dtype=bool)
+    is_used[rows] = True
+    return _hull(np.concatenate(corners)[is_used], (np.cumsum(is_used) - 1)[rows])

@@ -197,19 +197,6 @@ class DerivedFigures:
             )
         return farthest
 
-    @property
-    def shapes(self) -> tuple[Capsule, ...]:
-        """Collision shapes of limb 0 in its link frames.
-
-        The base is fixed to the body; the gripper's frame is the flange's.
-        """
-        return self.mounted[0].capsules or ()
-
-    @property
-    def limb_dynamics(self) -> LimbDynamics:
-        """Masses, inertias and joint limits of limb 0, see `dynamics_of`."""
-        return self.dynamics_of(0)
-
     def dynamics_of(self, limb: int) -> LimbDynamics:
         """Return the masses, inertias and joint limits of a limb, by its number from 0.
 

@@ -67,8 +67,8 @@ class Description(NamedTuple):
     """Its `mujoco.MjData`."""
     joints: dict[int, JointData]
     """Data of each hinge by its number in the model."""
-    missing: tuple[str, ...]
-    """Mesh files of collision shapes that were not found or cannot be read."""
+    missing: tuple[tuple[int, str], ...]
+    """Bodies, and mesh files of their collision shapes that were not found or cannot be read."""
     visuals: dict[int, tuple[BodyMesh, ...]]
     """Meshes that show each body, by its number in the model."""
     notes: tuple[str, ...]
@@ -113,7 +113,7 @@ def read_description(path: Path, tree: ElementTree.Element, options: FileOptions
         joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
     name = tree.get("name") or tree.get("model") or path.stem
     return Description(
-        name, model, data, joints, tuple(meshes.missing), meshes.placed(model), tuple(notes),
+        name, model, data, joints, meshes.missing(model), meshes.placed(model), tuple(notes),
     )  # fmt: skip
 
 

@@ -55,7 +55,6 @@ class Meshes:
 
     def __init__(self, folder: Path, folders: Sequence[Path]) -> None:
         """Take the folder of the file and those in which packages are looked for."""
-        self.missing: list[str] = []
         self._folder, self._folders = folder, folders
         self._names: dict[str, str] = {}
         self._shown: list[_Shown] = []
@@ -88,9 +87,8 @@ class Meshes:
     def take_out(self, spec: Any, with_shapes: bool) -> None:
         """Replace what is only seen by spheres without mass, and give the model the other meshes.
 
-        Collision shapes that are meshes are only seen unless `with_shapes`; those whose file is not
-        found, or of another format, are listed in `missing`. Raises a `RobotError` if a mass
-        follows from such a mesh, or Git LFS has not fetched its file.
+        Collision shapes that are meshes are only seen unless `with_shapes`. Raises a `RobotError`
+        if a mass follows from a mesh whose file is not found, or Git LFS has not fetched a file.
         """
         folder = self._folder / (spec.compiler.meshdir or spec.meshdir or "")
         spec.meshdir = spec.compiler.meshdir = ""
@@ -122,8 +120,6 @@ class Meshes:
                     f"mesh {shortened(name)} is not found; the mass of link {geom.parent.name!r} "
                     "follows from its shape, give the link an inertial or the file the mesh"
                 )
-            if is_solid and file is None and with_shapes:
-                self.missing.append(name)
             a, b, c = mesh.scale.tolist()
             seen = BodyMesh(str(file or name), np.eye(4), (a, b, c), colour_of(colour))
             self._shown.append(_Shown(geom, seen, file is not None, is_solid))
@@ -146,6 +142,11 @@ class Meshes:
         spec.assets = assets
         for part in (*spec.skins, *spec.materials, *spec.textures):
             spec.delete(part)
+
+    def missing(self, model: Any) -> tuple[tuple[int, str], ...]:
+        """Return bodies, and mesh files of their collision shapes that are not read."""
+        unread = [one for one in self._shown if one.is_solid and not one.is_read]
+        return tuple((int(model.geom_bodyid[one.geom.id]), one.mesh.file) for one in unread)
 
     def placed(self, model: Any) -> dict[int, tuple[BodyMesh, ...]]:
         """Return the meshes that show each body, by its number in the compiled model.

@@ -48,6 +48,11 @@ class FileOptions:
     body_size: Annotated[float | Triple | None, OrNone(SizeOrEdges())] = None
     """Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes of
     a whole robot's body."""
+    up: Annotated[Triple | None, OrNone(Tuples((3,)))] = None
+    """Direction in the axes of the body's root link that points away from the points that a whole
+    robot holds, such as (-1, 0, 0) for a torso whose arms reach forward; None for its z axis. It is
+    the body's z axis, the body's x axis is the link's z axis or as close to that as can be, and the
+    body's middle is that of the second joints."""
     speed_limits: Annotated[
         tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s")))
     ] = None

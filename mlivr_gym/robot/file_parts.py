@@ -157,7 +157,9 @@ def body_parts(tree: Tree, arms: tuple[FileArm, ...]) -> tuple[int, ...]:
     roots = {tree.carriers(body)[-1] for body in first}
     if len(roots) > 1 or any(tree.model.body_parentid[body] == 0 for body in first):
         names = ", ".join(repr(tree.name(root)) for root in sorted(roots))
-        raise RobotError(f"the limbs stand on {names}; all must be mounted on one body")
+        raise RobotError(
+            f"the limbs stand on {names}; all must be mounted on one body, put these into one"
+        )
     root = roots.pop()
     bases = {body for k in range(len(arms)) for body in _base(tree, arms, k)}
     return tuple(

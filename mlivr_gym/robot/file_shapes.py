@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from mlivr_gym.robot.capsule_fit import (
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.default_shapes import gripper_capsule
 from mlivr_gym.robot.file_arms import Tree
+from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.sizes import MOST_CAPSULES
 
 
@@ -34,11 +36,25 @@ def solid_geoms(model: Any, body: int) -> list[int]:
     ]
 
 
-def solids(tree: Tree, members: Iterable[int], frame: Array) -> list[Hull]:
-    """Return the collision shapes of bodies in a frame of the world, shape (4, 4)."""
+def solids(tree: Tree, members: Iterable[int], frame: Array, remedy: str) -> list[Hull]:
+    """Return the collision shapes of bodies in a frame of the world, shape (4, 4).
+
+    Raises a `RobotError` that ends with what else can be done if a mesh of them cannot be read.
+    """
     model, data = tree.model, tree.file.data
     turn, origin = frame[:3, :3].T, frame[:3, 3]
     out = []
+    for body, mesh in tree.file.missing:
+        if body in members:
+            fault = (
+                "not found; name the folder of its package with package_dirs"
+                if Path(mesh).suffix.lower() in MESH_FORMATS
+                else "neither STL nor OBJ; convert it and name the new file"
+            )
+            raise RobotError(
+                f"the collision mesh {shortened(mesh)} of link {tree.name(body)!r} is {fault}, or "
+                f"{remedy}"
+            )
     for geom in (geom for body in members for geom in solid_geoms(model, body)):
         solid = solid_of(model, geom)
         if solid is not None:
@@ -58,20 +74,13 @@ def fitted_capsules(
 
     Members are names of links with their bodies and frames in the world; the grasp is `tool_length`
     from the flange [m]. A limb without a gripper is given the shape of one. Raises a `RobotError`
-    if a mesh was not found, or no link that moves has a shape.
+    if a mesh cannot be read, or no link that moves has a shape.
     """
-    remedy = (
-        "name their folders with package_dirs, or take capsules='ur5e', simple ones along the links"
-    )
-    if missing := tree.file.missing:
-        raise RobotError(
-            f"{len(missing)} meshes of collision shapes are not found or not STL or OBJ, "
-            f"the first is {shortened(missing[0])}; {remedy}"
-        )
+    remedy = "take capsules='ur5e', simple ones along the links"
     out: list[Capsule] = []
     excess: dict[str, float] = {}
     for link, part, frame in members:
-        shapes = solids(tree, part, frame)
+        shapes = solids(tree, part, frame, remedy)
         if link in LINKS[6:]:
             fits = [capsule_on_axis(shape) for shape in shapes]
         else:

@@ -79,7 +79,10 @@ def _parsed(text: str) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         raise RobotError(f"the file is not XML: {error}") from None
     if any(part.tag.startswith("xacro.") for part in tree.iter()):
-        raise RobotError("the file has elements of xacro; expand it first: xacro FILE > robot.urdf")
+        raise RobotError(
+            "the file has elements of xacro; expand it first: xacro FILE > robot.urdf, or, without "
+            "ROS, pip install xacrodoc and xacrodoc FILE -o robot.urdf"
+        )
     return tree
 
 

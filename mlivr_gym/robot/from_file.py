@@ -21,7 +21,7 @@ from mlivr_gym.robot.description import Description, read_description, written_i
 from mlivr_gym.robot.file_arms import Tree, arms_of, with_held_joints
 from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
-from mlivr_gym.robot.file_parts import LimbParts, body_parts, joined, limb_parts, mount_of
+from mlivr_gym.robot.file_parts import LimbParts, body_parts, frame_on, joined, limb_parts, mount_of
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
 from mlivr_gym.robot.link_frames import inverse, rigid
@@ -116,6 +116,8 @@ def _one_arm(
     tree: Tree, parts: LimbParts, options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return equal arms mounted evenly round a box, and the fields of the robot's build."""
+    if options.up is not None:
+        raise RobotError("up is for a whole robot; the file is one arm")
     limb = limb_of(tree, parts, options, parts.tool_length, None)
     count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
     if radius is None:
@@ -158,8 +160,18 @@ def _whole(
     length = min(part.tool_length for part in parts)
     members = body_parts(tree, tuple(part.arm for part in parts))
     bases = [mount_of(tree, part.arm) for part in parts]
-    even = _even_frame(np.array(bases), tree.frame(members[0])[:3, :3])
-    body, build = _body_of(tree, members, even, options.body_size)
+    root = tree.frame(members[0])
+    even = None if options.up else _even_frame(np.array(bases), root[:3, :3])
+    if even is not None:
+        root = even[0]
+    elif options.up is not None:
+        if not any(options.up):
+            raise RobotError("up is (0, 0, 0); it must be a direction, such as (-1, 0, 0)")
+        up, spine = root[:3, :3] @ options.up, np.roll(root[:, :3], 1, axis=1)
+        shoulders = tree.file.data.xanchor[[part.arm.joints[1] for part in parts]]
+        middle = shoulders.mean(axis=0)
+        root = frame_on(spine, up / np.linalg.norm(up), middle, middle)
+    body, build = _body_of(tree, members, root, even is not None, options.body_size)
     order = range(count) if even is None else even[2]
     limbs = [limb_of(tree, parts[k], options, length, body[:3, 2]) for k in order]
     alike = all(limb.is_like(limbs[0]) for limb in limbs)
@@ -180,23 +192,23 @@ def _whole(
 def _body_of(
     tree: Tree,
     members: tuple[int, ...],
-    even: tuple[Array, float, tuple[int, ...]] | None,
+    frame: Array,
+    is_even: bool,
     size: float | Triple | None,
 ) -> tuple[Array, dict[str, Any]]:
     """Return the frame of a robot's body in the world (4, 4), and the robot's fields of it.
 
-    If the limbs are mounted evenly its x axis points to limb 0, and its z axis is that round which
-    they lie in order; else its axes are those of the root link, and its origin the middle of its
-    shapes. Its edge or three edges may be given [m]; else it is the box round its shapes. Raises a
+    Its edge or three edges may be given [m]; else it is the box round its shapes, and unless the
+    limbs are mounted evenly round a frame its origin is moved to the middle of it. Raises a
     `RobotError` if the body has no shape and no size.
     """
-    frame = tree.frame(members[0]) if even is None else even[0]
-    shapes = solids(tree, members, frame)
-    if not shapes and size is None:
-        name = tree.name(members[0])
-        raise RobotError(f"the body {name!r} has no collision shape; give body_size [m]")
     if size is None:
-        middle, half = box_round(shapes, even is not None)
+        remedy = "give body_size [m]"
+        shapes = solids(tree, members, frame, remedy)
+        if not shapes:
+            name = tree.name(members[0])
+            raise RobotError(f"the body {name!r} has no collision shape; {remedy}")
+        middle, half = box_round(shapes, is_even)
         frame = frame.copy()
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
@@ -212,7 +224,8 @@ def _body_of(
 def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
     """Return the frame in which limbs are mounted evenly round z, their radius and their order.
 
-    Mounts in the world have shape (N, 4, 4); z is one of some axes, columns of shape (3, 3).
+    Its x axis points to limb 0, and round its z axis, one of some axes that are columns of shape
+    (3, 3), they lie in order. Mounts in the world have shape (N, 4, 4). None if they are not even.
     """
     count, outward, positions = len(mounts), mounts[:, :3, 2], mounts[:, :3, 3]
     centre = positions.mean(axis=0)

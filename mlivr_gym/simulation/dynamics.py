@@ -1,7 +1,7 @@
 """The dynamic model: the scene with joint motors, compliant grasps and sensors, in zero gravity.
 
 **Joints** have motors with the manufacturer's torque limits, and the rotor inertias
-(`RobotSpec.limb_dynamics`). The controller is a separate program, see `controller`.
+(`RobotSpec.dynamics_of`). The controller is a separate program, see `controller`.
 
 **Grasps** are six-dimensional spring-dampers in N/m and N m/rad between the grasp frame of a
 gripper and its anchor, a frame that is put on the point at the moment of the grasp. Each limb has
@@ -104,7 +104,7 @@ def dynamics_spec(
     whole robot.
 
     The grasps are by default those of `Physics()`; obstacles are boxes in addition to those of the
-    map. Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    map. Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.dynamics_of`.
     """
     physics = physics or Physics()
     torque_limits = robot.torque_limits

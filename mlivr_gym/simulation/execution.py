@@ -160,7 +160,7 @@ def execute(
     TimingError
         If durations violate a limit.
     RobotError
-        If the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        If the robot's masses are not known, see `RobotSpec.dynamics_of`.
 
     Examples
     --------

@@ -44,7 +44,7 @@ def exported_model(
     The configuration is base position [m], base quaternion w, x, y, z, and joint angles (N, 6)
     [rad]; `points` has index or id of the point that each limb holds; obstacles are boxes in
     addition to those of the map. Raises a `RobotError` if the robot's masses are not known, see
-    `RobotSpec.limb_dynamics`, and a `SimulationError` if a gripper is not at its point.
+    `RobotSpec.dynamics_of`, and a `SimulationError` if a gripper is not at its point.
 
 
     Examples

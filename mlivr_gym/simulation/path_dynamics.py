@@ -106,7 +106,7 @@ class SegmentDynamics(NamedTuple):
 def segment_dynamics(path: JointPath, segment: PathSegment, limits: Limits) -> SegmentDynamics:
     """Compute the dynamics along a segment of a joint path, in units of the limits.
 
-    Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+    Raises a `RobotError` if the robot's masses are not known, see `RobotSpec.dynamics_of`.
     """
     robot, holding = path.robot, path.supports
     sigmas, count = segment.sigmas, len(segment.sigmas)

@@ -80,7 +80,7 @@ class Setup:
         """Return a simulation with a disturbance that is drawn from a seed.
 
         Obstacles are boxes in addition to those of the map. Raises a `RobotError` if the robot's
-        masses are not known, see `RobotSpec.limb_dynamics`.
+        masses are not known, see `RobotSpec.dynamics_of`.
         """
         parts = robot_model(robot).nbody - 1
         drawn = self.disturbances.draw(seed, parts, robot.limbs, len(grasp_map))

@@ -75,11 +75,11 @@ class StepExecutor:
         """Prepare the execution by a setup; `start` puts the robot into its first stance.
 
         Simulated beside the boxes of the map are obstacles, by default the graph's. Raises a
-        `RobotError` if the robot's masses are not known, see `RobotSpec.limb_dynamics`.
+        `RobotError` if the robot's masses are not known, see `RobotSpec.dynamics_of`.
         """
         self.graph, self.setup, self._obstacles = graph, setup, obstacles
         self._simulated: tuple[int, int] | None = None
-        _ = graph.robot.limb_dynamics
+        _ = graph.robot.torque_limits
         self._plan: Plan | None = None
         self._next = 0
 

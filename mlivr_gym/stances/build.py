@@ -73,9 +73,11 @@ def in_same_world(
 def _why_empty(graph: TwoLimbGraph) -> str:
     """Return why a graph without stances has none."""
     if not graph.reachable:
+        robot = graph.robot
+        where = "" if robot.mounts else f" mounted {robot.mount_radius:g} m from the axis"
         return (
-            f"no base pose at heights {graph.robot.heights} m lets limbs mounted "
-            f"{graph.robot.mount_radius:g} m from the axis reach two points"
+            f"no base pose at heights {robot.heights} m lets limbs{where} reach two points; give "
+            "the robot other heights"
         )
     touching = ", ".join(
         f"{count} touch {TOUCHED[REMOVED[name][0]]}"
@@ -92,4 +94,4 @@ def _why_empty(graph: TwoLimbGraph) -> str:
             f"of {graph.reachable} stances in reach none is left; of those that meet {thresholds} "
             f"{touching}{': ' if told else ''}{told}"
         )
-    return f"of {graph.reachable} stances in reach none meets {thresholds}"
+    return f"of {graph.reachable} stances in reach none meets {thresholds}; lower limb_threshold"

@@ -54,7 +54,7 @@ KNOWN = {
 }
 COMMANDS = ("plan", "info", "render", "simulate", "train", "evaluate", "dataset", "view")
 
-ROBOT = json.loads(json.dumps(RobotSpec(capsules=RobotSpec().shapes).to_dict()))
+ROBOT = json.loads(json.dumps(RobotSpec(capsules=RobotSpec().mounted[0].capsules).to_dict()))
 OBSTACLES = {"boxes": [{"id": "b", "min": [0, 0, 1], "max": [1, 1, 2]}], "occupied": ["R0:0"]}
 
 

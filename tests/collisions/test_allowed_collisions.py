@@ -44,7 +44,9 @@ FAT = {
 
 def fat(robot):
     """Return a robot whose capsules are so thick that only joints separate its links."""
-    shapes = tuple(replace(c, radius=FAT.get(c.link, 1.0) * c.radius) for c in robot.shapes)
+    shapes = tuple(
+        replace(c, radius=FAT.get(c.link, 1.0) * c.radius) for c in robot.mounted[0].capsules
+    )
     return replace(robot, name="fat", capsules=shapes)
 
 
@@ -67,7 +69,7 @@ def left_out(robot):
 
 def shaped(robot, pairs):
     """Return those of some pairs of which the robot has shapes."""
-    there = {"body", *(shape.link for shape in robot.shapes)}
+    there = {"body", *(shape.link for shape in robot.mounted[0].capsules)}
     return {pair for pair in pairs if {*pair[:2]} <= there}
 
 
@@ -157,7 +159,7 @@ def test_the_plain_definition_leaves_out_what_the_table_says(robot):
     found = contacts(robot, (box,), here, 100.0)
     among = [(c.first, c.second) for c in found if c.second != "box/crate"]
     assert shaped(robot, every_pair() - compared_by_name(among)) == shaped(robot, left_out(robot))
-    links = {shape.link for shape in robot.shapes}
+    links = {shape.link for shape in robot.mounted[0].capsules}
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in links} | {"body"}
     assert {c.first for c in found if c.second == "box/crate"} == names
     # At a grasp in front of the box only the gripper may touch it.
@@ -173,7 +175,7 @@ def test_mujoco_leaves_out_what_the_table_says(ladder, robot):
     pairs = mujoco_pairs(scene_spec(ladder, robot, (box,)).compile())
     shapes = {pair for pair in pairs if all(name.startswith(("body", "limb")) for name in pair)}
     assert shaped(robot, every_pair() - compared_by_name(shapes)) == shaped(robot, left_out(robot))
-    links = {shape.link for shape in robot.shapes}
+    links = {shape.link for shape in robot.mounted[0].capsules}
     names = {f"limb{i}/{link}/0" for i in range(robot.limbs) for link in links} | {"body"}
     with_box = {pair for pair in pairs if "box/crate" in pair}
     assert {name for pair in with_box for name in pair if name != "box/crate"} == names

@@ -40,7 +40,8 @@ def test_robots_that_ship_have_none(name):
 def test_a_robot_without_a_stance_is_told_which_links_and_what_would_help(small_map):
     words = (
         r"touch the robot itself: forearm and wrist_2 of a limb are within 0.02 m of each other in "
-        r"every posture; give a smaller clearance, .* or apart=\[\('forearm', 'wrist_2'\)\]"
+        r"every posture; give a smaller clearance, .* or apart=\[\('forearm', 'wrist_2'\)\] "
+        r"\(--allow-touching\)"
     )
     with pytest.raises(RobotError, match=words) as caught:
         stance_graph(small_map, with_balls(0.0))

@@ -111,7 +111,7 @@ def test_a_shelf_and_a_mast_take_away_what_they_touch(ladder):
     shelf = Box.between("shelf", "obstacle", (0.3, -0.5, 0.5), (0.6, 0.5, 0.55))
     mast = Capsule("forearm", (-0.2, -0.5, 0.007), (-0.2, 0.5, 0.007), 0.03)
     arm = Capsule("base", (0.0, 0.0, 0.05), (-0.6, 0.0, 0.05), 0.03)
-    masted = replace(ROBOT, name="masted", capsules=(*ROBOT.shapes, mast, arm))
+    masted = replace(ROBOT, name="masted", capsules=(*ROBOT.mounted[0].capsules, mast, arm))
     free = stance_graph(ladder, settings=replace(settings, collisions=False))
     shelved = replace(ladder, boxes=(*ladder.boxes, shelf))
     for world, robot in ((shelved, ROBOT), (ladder, masted)):

@@ -35,7 +35,7 @@ def configuration(graph, s, rng):
 def test_capsules_that_reach_far_out_meet_far_obstacles(ladder):
     """An obstacle counts wherever a robot's shapes reach."""
     mast = Capsule("base", (0.0, 0.0, 0.05), (2.5, 0.0, 0.05), 0.03)
-    robot = replace(ROBOT, name="mast", capsules=(*ROBOT.shapes, mast))
+    robot = replace(ROBOT, name="mast", capsules=(*ROBOT.mounted[0].capsules, mast))
     graph, rng = stance_graph(ladder, robot), np.random.default_rng(3)
     here, _ = configuration(graph, 0, rng)
     tip = here[0] + graph.base_rotation[0] @ (

@@ -341,7 +341,9 @@ def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
     graph = stance_graph(small_map, spec, settings)
     ball = Capsule("base", (-0.3, 0.0, 0.4), (-0.3, 0.0, 0.4), 0.1)
-    restricted = stance_graph(small_map, replace(spec, capsules=(*spec.shapes, ball)), settings)
+    restricted = stance_graph(
+        small_map, replace(spec, capsules=(*spec.mounted[0].capsules, ball)), settings
+    )
     assert 0 < len(restricted) < len(graph)
     assert restricted.removed["self"] > 0
     missing = next(

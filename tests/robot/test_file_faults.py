@@ -180,7 +180,7 @@ def test_rounded_inertias_are_repaired_within_one_per_cent_and_it_is_said(tmp_pa
     text = one_arm().replace(INERTIA, figures.format(0.02791), 1)
     robot = robot_spec(written(tmp_path, text))
     assert re.search("inertia of base_link repaired: .* by 0.036 % at most", robot.source)
-    dynamics = robot.limb_dynamics
+    dynamics = robot.dynamics_of(0)
     moments = np.linalg.eigvalsh(np.array(dynamics.base_inertia)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]])
     np.testing.assert_allclose(moments, [0.0139, 0.014, 0.0279], rtol=1e-6)
     worse = one_arm().replace(INERTIA, figures.format(0.0290), 1)
@@ -257,8 +257,19 @@ def test_a_height_field_and_a_long_name_end_in_no_other_error(tmp_path):
     text = robot_spec("mlivr2").to_mjcf().replace("<worldbody>", f"{field}{ground}", 1)
     assert robot_spec(written(tmp_path, text, "field.xml")).limbs == 2
     long = with_mesh(one_arm(), f"{'x' * 255}.stl")
-    with pytest.raises(RobotError, match="meshes of collision shapes are not found"):
+    with pytest.raises(RobotError, match=r"mesh 'xxx.* of link 'link1' is not found"):
         robot_spec(written(tmp_path, long))
+
+
+def test_a_mesh_of_the_body_that_cannot_be_read_matters_where_its_box_is_asked_for(tmp_path):
+    places = np.tile(np.eye(4), (2, 1, 1))
+    places[:, :3, :3] = Rotation.from_euler("y", [[90.0], [-90.0]], degrees=True).as_matrix()
+    text = whole_robot(places).replace('<box size="0.3 0.2 0.1"/>', '<mesh filename="torso.dae"/>')
+    path = written(tmp_path, text)
+    words = r"'torso.dae' of link 'body' is neither STL nor OBJ; convert it .*, or give body_size"
+    with pytest.raises(RobotError, match=words):
+        read_robot(path)
+    assert read_robot(path, body_size=0.2).fields["body_size"] == 0.2
 
 
 def test_every_command_says_what_is_assumed(tmp_path, capsys):

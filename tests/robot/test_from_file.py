@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from robot_texts import UR10E, one_arm, whole_robot, written
 from scipy.spatial.transform import Rotation
@@ -26,7 +27,7 @@ def place(position, axis, after_move=(0.3, 0.4, 0.5)):
 
 def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
     robot = robot_spec(written(tmp_path, one_arm()))
-    dynamics = robot.limb_dynamics
+    dynamics = robot.dynamics_of(0)
     assert robot.limb.joint_limits[2] == (-3.1, 3.0)
     assert dynamics.torque_limits == (100.0, 101.0, 102.0, 103.0, 104.0, 105.0)
     assert dynamics.speed_limits == (2.0,) * 6
@@ -70,6 +71,27 @@ def test_evenly_mounted_arms_are_recognised(tmp_path, count):
     assert robot.mounts is None
     assert robot.limbs == count
     assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+
+
+def test_a_torso_whose_arms_reach_forward_is_told_which_way_is_up(tmp_path):
+    places = [place([0.1, side, 0.5], [0.3, side, 0.2]) for side in (-0.2, 0.2)]
+    path = written(tmp_path, whole_robot(places))
+    robot = RobotSpec.from_urdf(path, up=(-2.0, 0.0, 0.0), body_size=0.2)
+    model = pin.buildModelFromUrdf(path)
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    second = [data.oMi[model.getJointId(f"arm{k}_joint2")].translation for k in range(2)]
+    body = pin.SE3(np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]), sum(second) / 2)
+    for k, mount in enumerate(robot.mounts):
+        found = body.act(pin.SE3(np.array(mount.rotation), np.array(mount.position)))
+        np.testing.assert_allclose(found.rotation[:, 2], places[k][:3, 2], atol=1e-9)
+        away = np.cross(found.translation - places[k][:3, 3], places[k][:3, 2])
+        np.testing.assert_allclose(away, 0.0, atol=1e-9)
+    for up, words in (((0, 0, 0), r"up is .* must be a direction"), ((1, 0), "up")):
+        with pytest.raises(RobotError, match=words):
+            RobotSpec.from_urdf(path, up=up)
+    with pytest.raises(RobotError, match="up is for a whole robot"):
+        RobotSpec.from_urdf(written(tmp_path, one_arm()), up=(0, 0, 1))
 
 
 def test_first_joints_that_turn_without_end_are_turned_with_their_bases(tmp_path):
@@ -169,7 +191,7 @@ def in_millimetres(text):
         (replaced("", ""), {"tool_frame": "hand"}, "no link or site 'hand'; it has links base"),
         (replaced("", ""), {"wheels": 2}, "unknown field 'wheels'"),
         (replaced('<sphere radius="0.03"/>', "<mesh filename='package://gone/a.stl'/>"), {},
-         "6 meshes of collision shapes .* the first is 'package://gone/a.stl'; .*package_dirs"),
+         "mesh 'package://gone/a.stl' of link 'link1' is not found; .*package_dirs"),
         (replaced("<robot", "<model"), {}, "not XML"),
         (replaced("</robot>", f"{'<a>' * 2000}{'</a>' * 2000}</robot>"), {}, "nested too deeply"),
         (lambda _: "<sdf/>", {}, "outermost element is <sdf>; it must be <robot>"),

@@ -120,7 +120,7 @@ def test_a_robot_of_arms_without_a_closed_form_is_the_same(tmp_path):
 @pytest.mark.parametrize("gripper", [(0.0, 0.0), (0.004, 0.7), (0.08, 0.0)])
 def test_a_robot_has_the_same_gripper(tmp_path, gripper):
     robot = replace(robot_spec("mlivr2"), tool_length=gripper[0], gripper_mass=gripper[1])
-    bare = tuple(capsule for capsule in robot.shapes if capsule.link != "gripper")
+    bare = tuple(capsule for capsule in robot.mounted[0].capsules if capsule.link != "gripper")
     for one in (robot, replace(robot, capsules=bare)):
         for kind in ("urdf", "xml"):
             path = str(tmp_path / f"again.{kind}")
@@ -146,7 +146,7 @@ def test_arms_of_other_makers_are_the_same(tmp_path, frames, joint, angle):
 def test_a_base_is_the_same(tmp_path, base):
     """Without mass, or a cylinder of which one figure is another one."""
     robot = robot_spec("mlivr2")
-    robot = replace(robot, dynamics=replace(robot.limb_dynamics, **base))
+    robot = replace(robot, dynamics=replace(robot.dynamics_of(0), **base))
     for kind, save in SAVED.items():
         path = str(tmp_path / f"again.{kind}")
         save(robot, path)
@@ -155,4 +155,4 @@ def test_a_base_is_the_same(tmp_path, base):
 
 def test_a_base_with_mass_needs_a_centre():
     with pytest.raises(RobotError, match="base_centre is None; a base_mass of 4 kg needs it"):
-        replace(robot_spec("mlivr2").limb_dynamics, base_centre=None)
+        replace(robot_spec("mlivr2").dynamics_of(0), base_centre=None)

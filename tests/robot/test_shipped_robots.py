@@ -76,7 +76,7 @@ def iiwa_model(held_angle):
 def test_the_links_of_the_iiwa_have_the_masses_of_its_description():
     """The mass matrix at random postures: the held joint joins two links rigidly."""
     robot = replace(robot_spec("mlivr2-iiwa"), gripper_mass=0.0)
-    rotors = np.diag(robot.limb_dynamics.rotor_inertias)
+    rotors = np.diag(robot.dynamics_of(0).rotor_inertias)
     model, scene = iiwa_model(robot.limb.held_angle), robot_alone(robot).compile()
     data, mine, rng = model.createData(), mujoco.MjData(scene), np.random.default_rng(0)
     for _ in range(20):

@@ -51,7 +51,7 @@ def test_no_part_of_a_stretched_limb_lies_beyond_the_extent():
 
 @pytest.mark.parametrize("tool", [0.01, 0.3])
 def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
-    gripper = RobotSpec(tool_length=tool).shapes[-1]
+    gripper = RobotSpec(tool_length=tool).mounted[0].capsules[-1]
     low, high = sorted((gripper.start[2], gripper.end[2]))
     assert gripper.link == "gripper"
     assert low - gripper.radius <= 0.0
@@ -108,7 +108,9 @@ def test_a_robot_without_a_name_is_called_like_its_file(tmp_path):
 
 
 def test_mounts_that_cannot_reach_are_named(ladder):
-    with pytest.raises(RobotError, match=r"cannot hold any stance on map 'ladder'.*2.5 m"):
+    with pytest.raises(
+        RobotError, match=r"on map 'ladder': .* 2.5 m .*; give the robot other heights"
+    ):
         stance_graph(ladder, RobotSpec(name="wide", mount_radius=2.5))
 
 

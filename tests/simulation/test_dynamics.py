@@ -83,7 +83,7 @@ def test_arms_of_the_maker_have_the_makers_masses(jem, name, links, base):
 
 
 def test_figures_of_a_robot_file_are_simulated(jem):
-    figures = asdict(robot_spec("mlivr2").limb_dynamics)
+    figures = asdict(robot_spec("mlivr2").dynamics_of(0))
     figures["masses"] = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
     figures["torque_limits"] = [10.0, 20.0, 30.0, 4.0, 5.0, 6.0]
     robot = robot_spec({"name": "own", "dynamics": figures})

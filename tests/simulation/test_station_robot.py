@@ -64,7 +64,7 @@ def test_the_joint_space_inertia_is_that_of_pinocchio():
     """It depends on masses, centres and inertias in the frames of all links that move."""
     model, arm, rng = robot_alone(ROBOT).compile(), arm_from_joint_2(), np.random.default_rng(0)
     data, truth_data = mujoco.MjData(model), arm.createData()
-    rotors = np.diag(ROBOT.limb_dynamics.rotor_inertias)
+    rotors = np.diag(ROBOT.dynamics_of(0).rotor_inertias)
     for _ in range(10):
         joints = rng.uniform(-2.0, 2.0, (2, 6))
         set_configuration(model, data, np.zeros(3), np.array([1.0, 0, 0, 0]), joints)

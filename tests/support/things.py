@@ -216,7 +216,7 @@ MAKERS = {
     "Cargo": lambda of: mlivr("robot.cargo").Cargo(1.0, 0.2),
     "Limb": lambda of: of["RobotSpec"].limb,
     "LimbDynamics": lambda of: of["RobotSpec"].dynamics_of(0),
-    "Capsule": lambda of: of["RobotSpec"].shapes[0],
+    "Capsule": lambda of: of["RobotSpec"].mounted[0].capsules[0],
     "Visual": lambda of: Visual("upper_arm", "arm.obj"),
     "RobotFile": lambda of: read_robot(of.file("robot.urdf"), limbs=2),
     "Execution": lambda of: execute(of["TwoLimbGraph"], of["Plan"]),
