@@ -6,7 +6,7 @@ is the same too: the rule of postures starts with a limb that the grasps determi
 see `base_poses.first_limb`. Upper bounds of its steps are the same if the body, a cube, also looks
 the same, which holds for four limbs, see `is_symmetric_after_relabelling`. Steps themselves may
 differ, since of two branches that come too close the one of the higher limb number is removed, see
-`transitions.supports`. A relabelling `t` puts limb `(t + i) % N` in the place of limb `i`.
+`transitions.steps`. A relabelling `t` puts limb `(t + i) % N` in the place of limb `i`.
 """
 
 from __future__ import annotations

@@ -129,9 +129,9 @@ class TwoLimbEdges:
 class TwoLimbEdgesAmongObstacles(TwoLimbEdges):
     """Releases computed and edges checked among obstacles and occupied points.
 
-    Only the motions of the steps without obstacles are checked, and only close to them. If all
-    motions of a release or an edge that was known before the last obstacles are clear of these,
-    too, it is as before; else it is checked among all.
+    Only releases and steps that are possible without obstacles are checked, and only close to them.
+    If all motions of a release that was known before the last obstacles are clear of these, too, it
+    is as before; else it is checked among all.
     """
 
     def __init__(

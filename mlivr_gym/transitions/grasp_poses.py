@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
-
-import numpy as np
+from typing import Any
 
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
@@ -15,9 +13,6 @@ from mlivr_gym.kinematics.inverse import branch_angles
 from mlivr_gym.kinematics.limb import Angles, flange_seen, wrap
 from mlivr_gym.kinematics.poses import Pose, along
 from mlivr_gym.transitions.records import StepScratch
-
-BEFORE = cast(int, np.int64(0))
-"""The side of a step before it, see `lifted_branches`; 64 bits for the reason that `EMPTY` has."""
 
 
 @kernel
