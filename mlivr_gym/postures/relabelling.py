@@ -3,10 +3,9 @@
 If the limbs are alike and mounted at equal angles, a stance whose points are exchanged cyclically
 among the limbs is the same stance of a robot that has turned. With more than two limbs its posture
 is the same too: the rule of postures starts with a limb that the grasps determine, not with limb 0,
-see `base_poses.first_limb`. Upper bounds of its steps are the same if the body, a cube, also looks
-the same, which holds for four limbs, see `is_symmetric_after_relabelling`. Steps themselves may
-differ, since of two branches that come too close the one of the higher limb number is removed, see
-`transitions.steps`. A relabelling `t` puts limb `(t + i) % N` in the place of limb `i`.
+see `base_poses.first_limb`. Its steps are the same if the body, a cube, also looks the same, which
+holds for four limbs, see `is_symmetric_after_relabelling`. A relabelling `t` puts limb
+`(t + i) % N` in the place of limb `i`.
 """
 
 from __future__ import annotations

@@ -294,15 +294,16 @@ def are_apart(
 def _all_apart(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
     """Remove branches until all that supports keep are clear of each other.
 
-    Returned is whether each support keeps one.
+    They are compared in cyclic order from the limb that moves on, so that a robot that has turned
+    by one of its limbs keeps the same. Returned is whether each support keeps one.
     """
-    robot, clear = context.robots[0], scratch.clear
-    for i in range(robot.limb_count):
-        for j in range(i + 1, robot.limb_count):
-            if i != step.limb and j != step.limb:
-                _keep_apart(i, j, context, scratch)
-                if clear[i] == EMPTY or clear[j] == EMPTY:
-                    return False
+    limbs, clear = context.robots[0].limb_count, scratch.clear
+    for first in range(1, limbs):
+        for second in range(first + 1, limbs):
+            i, j = (step.limb + first) % limbs, (step.limb + second) % limbs
+            _keep_apart(i, j, context, scratch)
+            if clear[i] == EMPTY or clear[j] == EMPTY:
+                return False
     return True
 
 

@@ -6,6 +6,7 @@ an edge keeps, is said here over what `plain_checks` says of releases.
 """
 
 from functools import cmp_to_key, partial
+from itertools import combinations
 from typing import NamedTuple
 
 from compiled import called
@@ -147,8 +148,10 @@ class PlainStep:
         standing[i] = {(b, flip) for b, flip in standing[i] if (b, chosen) not in meets}
 
     def pairs_of_limbs(self):
-        """Pairs of limbs that hold."""
-        return [(i, j) for i in self.held for j in self.held if i < j]
+        """Pairs of limbs that hold, in cyclic order from the limb that moves on."""
+        limbs = self.plain.spec.limbs
+        held = [(self.limb + k) % limbs for k in range(1, limbs)]
+        return list(combinations(held, 2))
 
     def check(self, released=None):
         """The edge, `NO_EDGE` if the step fails.

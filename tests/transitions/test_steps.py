@@ -92,3 +92,17 @@ def test_looking_at_steps_keeps_at_least_what_checking_them_keeps(small_map):
         gone += kept == 0
         seen += most == 0
     assert gone >= seen > 0.5 * gone > 5
+
+
+def test_a_robot_of_four_limbs_that_has_turned_by_one_keeps_the_same(small_map):
+    graph, rng, kept = stance_graph(small_map, "mlivr4"), np.random.default_rng(6), 0
+    for _ in range(80):
+        limb, before, after = two_stances(graph, rng)
+        _, step, _ = asked(graph, limb, before, after)
+        for turn in (1, 2, 3):
+            turned = (tuple(np.roll(stance, -turn).tolist()) for stance in (before, after))
+            _, other, _ = asked(graph, (limb - turn) % 4, *turned)
+            assert np.array_equal(np.roll(step["kept"][:4], -turn), other["kept"][:4])
+            assert step["line_branches"] == other["line_branches"]
+        kept += step["kept"].any()
+    assert kept > 10
