@@ -18,7 +18,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
-from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
+from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places
 from mlivr_gym.motion.step_ends import StepEnds
@@ -44,15 +44,17 @@ class FollowingSupports:
         """Prepare a step with given ends."""
         self._graph, self._ends, self._path = graph, ends, path_of(ends)
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        self._lines, out = LineScratch.rows(1), Angles.rows(8)
+        self._lines, out = LineScratch.rows(1), Angles.rows(1, graph.limbs)
         self._line = line = self._lines[0]["line"]
+        base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
+        grasps = graph.solver.grasps[list(ends.before)][None]
+        held_angles(self._robots, base, grasps, branches[:, : graph.limbs].copy(), out)
         for limb, point in enumerate(ends.after):
             if limb != ends.limb:
-                flange, branch = graph.solver.grasps[point]["flange"], ends.branches[limb]
-                all_angles_at(self._robots, limb, self._path["first"], flange, out)
-                is_turned = np.cos(out["q"][branch, 5] - ends.joints[0, limb, 5]) < 0.0
+                is_turned = np.cos(out["q"][0, limb, 5] - ends.joints[0, limb, 5]) < 0.0
                 line["follows"] |= 1 << limb
-                line["held"][limb], line["branch"][limb] = flange, branch
+                line["held"][limb] = graph.solver.grasps[point]["flange"]
+                line["branch"][limb] = ends.branches[limb]
                 line["flips"][limb] = 1 << int(is_turned)
 
     def is_clear(self, a: Array, b: Array) -> bool:

@@ -28,7 +28,7 @@ from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
 pytestmark = pytest.mark.usefixtures("cache")
 ROOT = Path(__file__).parents[3]
 FAR = "MLIVR-JEM-Far-v0"
-TASKS = 6
+TASKS = 15
 
 
 class Learner:
@@ -100,7 +100,7 @@ def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):
 
 def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
     assert check(greedy, TASKS).summary == BenchmarkEntry.read(greedy).summary
-    with pytest.raises(BenchmarkError, match="the entry has 6 tasks; it must have 200"):
+    with pytest.raises(BenchmarkError, match="the entry has 15 tasks; it must have 200"):
         check(greedy)
     done = next(k for k, row in enumerate(BenchmarkEntry.read(greedy).rows) if row.success)
 
@@ -131,7 +131,7 @@ def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
         (row_with(success="yes"), "cannot read"),
         (another_action, "end is told as"),
         (one_action_less, "goes on after its"),
-        (one_row_less, "the episodes are not those of 6 tasks and 1 seeds"),
+        (one_row_less, "the episodes are not those of 15 tasks and 1 seeds"),
         (told(results=better), "results is told as"),
         (told(graph_rules=1), "rules"),
         (told(environment_steps=[7]), "learned from 7 steps, more than planner has"),
