@@ -160,7 +160,6 @@ class LazyTwoLimbTable(LazyTable):
         """Start with the nodes and edges that the graph knows."""
         super().__init__(graph, graph.table)
         self.graph, self.is_complete = graph, graph.is_table_complete
-        self._seen = CheckedEdges.empty(len(self.table.points))
         if graph.obstacles or graph.occupied or not self.is_complete:
             joined, releasable = self.table.joined.copy(), self.table.releasable.copy()
             clear_bits(joined, graph.blocked_edges)
@@ -201,19 +200,20 @@ class LazyTwoLimbTable(LazyTable):
     ) -> None:
         """Record what edges and those back keep, and what was found of their nodes, shape (k,)."""
         clear_bits(self.table.joined, np.concatenate([edges[kept == 0], back[kept == 0]]))
-        self._seen = self._seen.with_edges(before, edges, kept).with_edges(end, back, kept)
+        checked = self.checked_edges.with_edges(before, edges, kept)
+        self.checked_edges = checked.with_edges(end, back, kept)
         if not self.is_complete:
             self._record_nodes(np.concatenate([before, end]))
 
     def _kept_at_most(self, edges: IntArray) -> NDArray[np.uint64]:
         """Look at edges once, see `LazyTable`."""
-        unseen = np.unique(edges[~self._seen.contains(edges)])
+        unseen = np.unique(edges[~self.checked_edges.contains(edges)])
         if len(unseen):
             self.check_effort += EDGE_EFFORT * len(unseen)
             (before, limb), (end, _), back = edge_ends(self.table, unseen)
             kept = self.graph.kept_at_most(1 - limb, before, end).astype(np.uint64)
             self._record(before, end, unseen, back, kept)
-        return self._seen.kept_on(edges)
+        return self.checked_edges.kept_on(edges)
 
 
 class LazyNodeTable(LazyTable):
