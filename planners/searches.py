@@ -1,4 +1,4 @@
-"""The searches of a planner: over a table, by levels, over an implicit graph, and Algorithm 1.
+"""The searches of a planner: over a table, over an implicit graph, and Algorithm 1.
 
 `GraphSearcher` chooses by graph and query, see the table in `docs/how-a-plan-is-made.md`. The graph
 of two limbs always has a node table, one of three or four limbs has it if one ships or was built;
@@ -17,7 +17,6 @@ from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.implicit_search import ImplicitSearch
-from mlivr_gym.planners.level_search import LevelSearch
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import (
     GOAL_REACHED,
@@ -33,7 +32,6 @@ from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import key_of
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 
@@ -88,8 +86,6 @@ class GraphSearcher:
             return _find_by_algorithm1(graph, search, start)
         if isinstance(graph, ImplicitGraph):
             self._prepare_tables(graph, search)
-        if isinstance(graph, TwoLimbGraph) and LevelSearch.answers(graph, search):
-            return run_search(LevelSearch(graph, search, start))
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
             return run_search(TableSearch(lower_bounds, search, start))

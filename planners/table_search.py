@@ -7,7 +7,7 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014), and checked when a path uses it. In between, searches from the goal raise the
-  lower bounds by the edges that were seen. `level_search` finds fewest steps if that takes long.
+  lower bounds by the edges that were seen.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see

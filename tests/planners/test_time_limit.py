@@ -15,7 +15,6 @@ from mlivr_gym.planners import (
     SearchOptions,
     backward_search,
     label_search,
-    level_search,
     lower_bounds,
     searches,
     set_bounds,
@@ -37,9 +36,8 @@ SECONDS = {
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
 
-OTHERWISE, LABEL, SETTLED, SET, STANCE = 8e-3, 3e-2, 4e-3, 1e-5, 1e-5
-"""The same for other kernels, for a label or a node of a search, for a stance set, and for a stance
-in a search by levels."""
+OTHERWISE, LABEL, SETTLED, SET = 8e-3, 3e-2, 4e-3, 1e-5
+"""The same for other kernels, for a label or a node of a search, and for a stance set."""
 
 OVERRUN = 0.2
 """Time by which a limit may be exceeded [s]."""
@@ -71,12 +69,6 @@ class SlowMachine:
         )
         for name in ("mark_support_sets", "reach_sets"):
             self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
-        for name in ("compute_remaining", "find_path", "find_cuts"):
-            stances = len if name == "compute_remaining" else None
-            self._each(
-                patch, level_search, name,
-                lambda *given, of=stances: STANCE * len((given[1] if of else given[0]).points),
-            )  # fmt: skip
 
     def _result_by_deadline(self, key, work, deadline):
         """Work in a thread that goes on after the deadline, when nobody waits for it any more."""

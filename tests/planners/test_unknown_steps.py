@@ -1,4 +1,4 @@
-"""Fewest steps whose checks were made on demand, against graphs all of whose steps were checked."""
+"""Plans over steps that are checked on demand, against graphs all of whose steps were checked."""
 
 import numpy as np
 import pytest
