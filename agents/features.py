@@ -24,7 +24,6 @@ from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.stance_graph import STATES, StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import LookaheadGoals, valid_positions, write_action_lookahead
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -125,7 +124,7 @@ def point_lookahead(
     grasp [m], at most `MAX_GOAL_DISTANCE`. Entry DEPTH + d, the arrivals, is the number of
     sequences of d + 1 stances that end in the goal region.
     """
-    if not isinstance(graph, TwoLimbGraph):
+    if not graph.lists_all:
         away = np.minimum(
             np.linalg.norm(graph.grasp_map.positions - goal, axis=1), MAX_GOAL_DISTANCE
         )
@@ -133,9 +132,9 @@ def point_lookahead(
         none[..., :DEPTH] = away[None, :, None]
         return none
     held = (graph.branch_sets != 0).all(axis=1) if held is None else held
-    away = graph.steps.row_base - goal
+    rows, row_start = graph.by_point
+    away = graph.base_position[rows] - goal
     distance = np.minimum(np.sqrt(np.einsum("ijk,ijk->ij", away, away)), MAX_GOAL_DISTANCE)
-    rows, row_start = graph.steps.rows, graph.steps.row_start
     lost = ~held[rows]
     out, count = (
         np.full((2, len(graph.grasp_map), DEPTH), MAX_GOAL_DISTANCE),
@@ -149,7 +148,7 @@ def point_lookahead(
                 distance[limb] = out[1 - limb, other, depth - 1]
                 count[limb] = arrivals[1 - limb, other, depth - 1]
             distance[limb, lost[limb]], count[limb, lost[limb]] = MAX_GOAL_DISTANCE, 0.0
-            known = np.flatnonzero(graph.steps.degree[limb])
+            known = np.flatnonzero(np.diff(row_start[limb]))
             first = row_start[limb, known]
             out[limb, known, depth] = np.minimum.reduceat(distance[limb], first)
             arrivals[limb, known, depth] = np.add.reduceat(count[limb], first)

@@ -22,7 +22,7 @@ from mlivr_gym.planners.query import QUERY, Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
 from mlivr_gym.sharing import Independent
 from mlivr_gym.stances.moves import TableMoves
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 
 class Policy(Protocol):
@@ -133,9 +133,9 @@ class ExpertPolicy(Independent):
         return found
 
 
-def _two_limbs(env: MlivrEnv) -> TwoLimbGraph:
+def _two_limbs(env: MlivrEnv) -> StanceGraph:
     """Return the graph of an environment of two limbs; refuse others."""
-    if not isinstance(env.graph, TwoLimbGraph):
+    if not env.graph.lists_all:
         raise SettingError(
             f"the expert policy needs two limbs; robot {env.graph.robot.name!r} has "
             f"{env.graph.limbs}"

@@ -28,7 +28,7 @@ from mlivr_gym.envs import sample_task
 from mlivr_gym.paper import default_setup
 from mlivr_gym.planners import Cost, Planner, PlanningResult, SearchOptions
 from mlivr_gym.planners.query import DEFAULT_OPTIONS
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 
 COSTS = {"steps": "the fewest steps", "base": "least translation"}
 """Costs, and what their plans minimise."""
@@ -82,7 +82,7 @@ def query_times(
     }
 
 
-def out_of_reach(graph: TwoLimbGraph, rng: np.random.Generator) -> Iterator[Task]:
+def out_of_reach(graph: StanceGraph, rng: np.random.Generator) -> Iterator[Task]:
     """Yield random starts with goals in the cabin that no walk from them reaches."""
     low, high = graph.base_position.min(axis=0), graph.base_position.max(axis=0)
     while True:
@@ -91,7 +91,7 @@ def out_of_reach(graph: TwoLimbGraph, rng: np.random.Generator) -> Iterator[Task
             yield start, goal
 
 
-def query_series(graph: TwoLimbGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
+def query_series(graph: StanceGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
     """Measure new goals, prepared goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
@@ -147,7 +147,7 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
     return out
 
 
-def libraries(graph: TwoLimbGraph, tasks: Sequence[Task]) -> dict[str, Any]:
+def libraries(graph: StanceGraph, tasks: Sequence[Task]) -> dict[str, Any]:
     """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
     known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
     series = {"A*": SearchOptions(), "A*, consistent": SearchOptions(heuristic="consistent")}
@@ -185,12 +185,11 @@ def measured(queries: int) -> dict[str, Any]:
     Planner(two_limb_graph()).plan(start, goal).unwrap()  # compiles, or loads, all kernels
     data: dict[str, Any] = {"machine": machine()}
     graph = two_limb_graph()
-    steps = graph.steps.edges
-    arrays = [array for array in vars(graph).values() if isinstance(array, np.ndarray)]
+    assert graph.table is not None
     data["table"] = {
         "stances": len(graph),
-        "steps": int((steps["kept"] != 0).sum()),
-        "memory": (sum(array.nbytes for array in arrays) + steps.nbytes) / 1e6,
+        "steps": int(np.bitwise_count(graph.table.joined).sum()),
+        "memory": sum(array.nbytes for array in graph.table) / 1e6,
     }
     tasks = [sample_task(graph, rng, TOLERANCE) for _ in range(count)]
     print("queries", flush=True)

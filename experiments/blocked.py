@@ -19,7 +19,7 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.pictures import Camera, SceneRenderer, save_image, with_caption
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import rgba
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 
 SIZE = 900, 560
 """Width and height of each of the two pictures [px]."""
@@ -29,7 +29,7 @@ TOUCHING_COLOUR = "#e8590c"
 
 
 def blocked_stance(
-    checked: TwoLimbGraph, free: TwoLimbGraph
+    checked: StanceGraph, free: StanceGraph
 ) -> tuple[Sequence[int], Configuration, list[Contact]]:
     """Return the stance with the fewest contacts among those that only collisions rule out."""
     best: tuple[Sequence[int], Configuration, list[Contact]] | None = None

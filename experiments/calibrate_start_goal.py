@@ -27,7 +27,7 @@ from mlivr_gym.errors import StanceError
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, MODES, PAPER, SETUP, case_graph
 from mlivr_gym.planners import Plan, Planner, SearchOptions
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 
 START, GOAL, RADIUS = (1.84, 0.0, -0.35), (6.0, 0.0, 0.42), 0.6
 """Candidate starts and goals lie within `RADIUS` of these base positions [m]."""
@@ -72,7 +72,7 @@ def planners_of(mode: str) -> dict[int, Planner]:
     return {1: first, 2: second, 3: second}
 
 
-def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
+def candidates(graph: StanceGraph) -> tuple[list[tuple[str, ...]], Array]:
     """Return the candidate starts, and the candidate goals of shape (g, 3) [m]."""
     faces = np.array(graph.grasp_map.faces)[graph.points]
     close = np.linalg.norm(graph.base_position - START, axis=1) < RADIUS
@@ -94,7 +94,6 @@ def candidates(graph: TwoLimbGraph) -> tuple[list[tuple[str, ...]], Array]:
 def drawn_pairs(pairs: int) -> list[dict[str, Any]]:
     """Return random pairs of a start and a goal, once for each process."""
     graph = planners_of("collisions")[2].graph
-    assert isinstance(graph, TwoLimbGraph)
     starts, goals = candidates(graph)
     rng, found = np.random.default_rng(0), []
     for _ in range(pairs):

@@ -26,7 +26,7 @@ from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot import LIMB_COLOURS
 from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 
 OUT = ROOT / "docs" / "figures"
 """Folder of the figures."""
@@ -48,7 +48,7 @@ def draw_parts(axes: Any, view: View, parts: list[Part], paleness: float = 0.0) 
     )
 
 
-def shown(figure: Figure, place: Span, graph: TwoLimbGraph, view: View, span: Span) -> Any:
+def shown(figure: Figure, place: Span, graph: StanceGraph, view: View, span: Span) -> Any:
     """Return axes with a flat view of a part of the map."""
     axes = flat_axes(figure, place, view)
     axes.scatter(
@@ -63,7 +63,7 @@ def at(motion: StepMotion, k: int) -> tuple[Array, Array, Array]:
     return motion.base_positions[k], motion.base_quaternions[k], motion.joint_positions[k]
 
 
-def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
+def gripper_places(graph: StanceGraph, motion: StepMotion, limb: int) -> Array:
     """Return the positions of a gripper's tip along a step, shape (k, 3) [m]."""
     robot, places = graph.robot, []
     for k in range(len(motion.phase)):
@@ -75,7 +75,7 @@ def gripper_places(graph: TwoLimbGraph, motion: StepMotion, limb: int) -> Array:
     return np.array(places)
 
 
-def manipulability(graph: TwoLimbGraph, q: Array) -> float:
+def manipulability(graph: StanceGraph, q: Array) -> float:
     """Return `w_m` of a limb at joint angles, shape (6,) [rad], by its definition."""
     frames = link_frames(graph.robot.limb, q)[1:]
     origins, axes = frames[:, :3, 3], frames[:, :3, 2]
@@ -83,7 +83,7 @@ def manipulability(graph: TwoLimbGraph, q: Array) -> float:
     return limb_manipulability(jacobian, graph.robot.characteristic_length)
 
 
-def angles(graph: TwoLimbGraph, limb: int, position: Array, turn: Array) -> Array:
+def angles(graph: StanceGraph, limb: int, position: Array, turn: Array) -> Array:
     """Return joint angles of all branches on which a limb holds its start point, (8, 6) [rad]."""
     base = pose(position, Rotation.from_quat(turn, scalar_first=True).as_matrix())
     flange, out = graph.solver.grasps[graph.indices(START)[limb]]["flange"], Angles.rows(8)
@@ -97,7 +97,7 @@ def finish(figure: Figure, title: str, name: str) -> None:
     save_figure(figure, OUT / f"{name}.png")
 
 
-def stance_figure(graph: TwoLimbGraph, plan: Plan) -> None:
+def stance_figure(graph: StanceGraph, plan: Plan) -> None:
     """Draw the robot in a stance, the points it holds, and those within one step."""
     figure, positions = Figure(figsize=(10.4, 3.6), dpi=110), graph.grasp_map.positions
     steps, base = graph.successors(graph.state(START)), plan.motion.base_positions[0]
@@ -121,7 +121,7 @@ def stance_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     finish(figure, f"A stance: limb 0 holds {START[0]}, limb 1 holds {START[1]}", "stance")
 
 
-def step_figure(graph: TwoLimbGraph, plan: Plan) -> None:
+def step_figure(graph: StanceGraph, plan: Plan) -> None:
     """Draw four moments of a step, from departure to approach."""
     motion, step = plan.joint_path(0).samples(50), plan.steps[0]
     swing = np.flatnonzero(motion.phase == PHASES.index("swing"))
@@ -147,7 +147,7 @@ def step_figure(graph: TwoLimbGraph, plan: Plan) -> None:
            f"base {step.displacement:.2f} m (black); the other limb holds", "step")  # fmt: skip
 
 
-def branch_figure(graph: TwoLimbGraph, plan: Plan) -> None:
+def branch_figure(graph: StanceGraph, plan: Plan) -> None:
     """Draw the branches on which a limb can hold one point with the base at rest."""
     position, turn, joints = plan.configuration(0)
     figure = Figure(figsize=(11.6, 4.6), dpi=110)
@@ -168,7 +168,7 @@ def branch_figure(graph: TwoLimbGraph, plan: Plan) -> None:
     finish(figure, title, "branch")
 
 
-def manipulability_figure(graph: TwoLimbGraph, plan: Plan) -> None:
+def manipulability_figure(graph: StanceGraph, plan: Plan) -> None:
     """Plot `w_m` of both limbs and its minimum over base positions at one stance."""
     position, turn, _ = plan.configuration(0)
     x, z = position[0] + np.linspace(-0.9, 0.9, 73), np.linspace(-0.95, 0.35, 53)
@@ -197,7 +197,7 @@ def manipulability_figure(graph: TwoLimbGraph, plan: Plan) -> None:
            f"{threshold:g}; square: the base of the stance", "manipulability")  # fmt: skip
 
 
-def swing_figure(graph: TwoLimbGraph, plan: Plan) -> None:
+def swing_figure(graph: StanceGraph, plan: Plan) -> None:
     """Draw the path of the gripper during a step, and its knots in joint space."""
     step, path = plan.steps[0], plan.joint_path(0)
     motion = path.samples(60)

@@ -21,13 +21,13 @@ from mlivr_gym.pictures import save_figure
 from mlivr_gym.planners import GOAL_TOLERANCE, Goal, Planner
 from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.robot import LIMB_COLOURS
-from mlivr_gym.stances import State, TwoLimbGraph
+from mlivr_gym.stances import StanceGraph, State
 
 NONE, HOLDS, ON = "#ffffff", "#d9d9d9", "#1d3557"
 """Colours of a branch on which a limb cannot hold, can hold, and can be after the walk."""
 
 
-def label_figure(graph: TwoLimbGraph) -> None:
+def label_figure(graph: StanceGraph) -> None:
     """Draw label, cost and bound after each step of a base-cost plan, and a dominated label."""
     plan = Planner(graph).plan(START, GOAL, "base").unwrap()
     states = [state for state in states_of(graph, plan) if state is not None]
@@ -67,7 +67,7 @@ def label_figure(graph: TwoLimbGraph) -> None:
     save_figure(figure, OUT / "labels.png")
 
 
-def costs_along(graph: TwoLimbGraph, states: list[State]) -> tuple[Array, Array, Array]:
+def costs_along(graph: StanceGraph, states: list[State]) -> tuple[Array, Array, Array]:
     """Return cost so far and two lower bounds of the remaining cost at each state, (k,) [m].
 
     The first bound is computed over the node table, the second is the distance to the goal region.
@@ -117,7 +117,7 @@ def draw_costs(axes: Any, costs: tuple[Array, Array, Array]) -> None:
     axes.legend(fontsize=8, frameon=False, ncols=4, loc="upper left")
 
 
-def dominated_pair(graph: TwoLimbGraph) -> tuple[State, float, State, float]:
+def dominated_pair(graph: StanceGraph) -> tuple[State, float, State, float]:
     """Return two states of a stance after two steps with their costs [m]; the first dominates.
 
     Of all such pairs it has the labels that differ most, and among these the lowest cost.
@@ -152,7 +152,7 @@ def _size(state: State) -> int:
     return sum(one.bit_count() for one in state.branch_sets)
 
 
-def draw_dominance(figure: Any, graph: TwoLimbGraph) -> None:
+def draw_dominance(figure: Any, graph: StanceGraph) -> None:
     """Draw two labels of a stance, the first of which dominates the second."""
     state, cost, other, more = dominated_pair(graph)
     s, names = graph.find(state.stance), graph.ids(state.stance)

@@ -20,7 +20,7 @@ from reports import CORES, NOTHING, experiment, study_rows, table
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.errors import RobotError
 from mlivr_gym.extensions.failed_joints import reach_without
-from mlivr_gym.stances import TwoLimbGraph, random_state
+from mlivr_gym.stances import random_state
 
 NAMES = ("mlivr2", "mlivr2-iiwa")
 """Robots that are compared."""
@@ -36,7 +36,6 @@ is at most U L^2 / l_c^3 = 0.102.
 def without_joint(task: int, robot: str, starts: int, goals: int) -> dict[str, Any]:
     """Return the shares of stances, or of starts, and of goals that a failed joint leaves."""
     graph, rng = stance_graph(robot=robot, settings=SETTINGS), np.random.default_rng(0)
-    assert isinstance(graph, TwoLimbGraph)
     states = [random_state(graph, rng) for _ in range(starts)]
     places = graph.postures(graph.points[rng.integers(len(graph), size=goals)]).base_position
     out: dict[str, Any] = {"reason": None, "stances": None, "goals": None}

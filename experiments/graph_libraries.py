@@ -15,27 +15,26 @@ import numpy as np
 import rustworkx as rx
 from reports import timed
 
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
+from mlivr_gym.stances.step_tables import step_tables
 
 Path = list[int]
 
 
-def edge_chunks(graph: TwoLimbGraph) -> Iterator[list[tuple[int, int, float]]]:
+def edge_chunks(graph: StanceGraph) -> Iterator[list[tuple[int, int, float]]]:
     """Yield every valid step once, in either direction, with its length [m], in chunks."""
-    table = graph.steps
-    for held, point in np.ndindex(*table.degree.shape):
-        row = table.rows[held, table.row_start[held, point] : table.row_start[held, point + 1]]
-        first, size = table.offset[held, point], len(row)
-        kept = table.edges["kept"][first : first + size**2].reshape(size, size)
-        i, j = np.nonzero(np.triu(kept))
-        length = np.linalg.norm(table.base[row[i]] - table.base[row[j]], axis=1)
-        yield list(zip(row[i].tolist(), row[j].tolist(), length.tolist(), strict=True))
+    tables = step_tables(graph)
+    stances = np.repeat(np.arange(len(graph)), np.diff(tables.start[::2]))
+    for chunk in np.array_split(np.flatnonzero(stances < tables.after), 64):
+        i, j = stances[chunk], tables.after[chunk]
+        length = np.linalg.norm(tables.base_position[i] - tables.base_position[j], axis=1)
+        yield list(zip(i.tolist(), j.tolist(), length.tolist(), strict=True))
 
 
 class Networkx:
     """The stance graph in networkx."""
 
-    def __init__(self, graph: TwoLimbGraph) -> None:
+    def __init__(self, graph: StanceGraph) -> None:
         """Add every stance and every step."""
         self.graph = nx.Graph()
         self.graph.add_nodes_from(range(len(graph)))
@@ -60,7 +59,7 @@ class Networkx:
 class Rustworkx:
     """The stance graph in rustworkx."""
 
-    def __init__(self, graph: TwoLimbGraph) -> None:
+    def __init__(self, graph: StanceGraph) -> None:
         """Add every stance and every step."""
         self.graph: Any = rx.PyGraph()
         self.graph.add_nodes_from(list(range(len(graph))))

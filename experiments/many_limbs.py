@@ -24,7 +24,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion import Plan
 from mlivr_gym.pictures import save_figure
 from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner
-from mlivr_gym.stances import ImplicitGraph, StanceGraph, State, random_state
+from mlivr_gym.stances import StanceGraph, State, random_state
 
 ROBOTS, COSTS = ("mlivr3", "mlivr4"), ("steps", "base")
 NEAREST, FARTHEST = 1.0, 5.0
@@ -53,7 +53,6 @@ def random_task(graph: StanceGraph, rng: np.random.Generator) -> tuple[State, Ar
 def task_results(task: int, robot: str, seconds: float) -> dict[str, Any]:
     """Plan a task with both costs."""
     graph = stance_graph(robot=robot)
-    assert isinstance(graph, ImplicitGraph)
     start, goal = random_task(graph, np.random.default_rng([task, graph.limbs]))
     away = float(np.linalg.norm(goal - graph.posture_of(start).base_position[0]))
     out: dict[str, Any] = {"distance": away}
@@ -83,7 +82,7 @@ def replanned(planner: Planner, plan: Plan, goal: Array, cost: str) -> float | N
     return again.improvements[0].time if again.improvements else REPLANNING
 
 
-def executed(graph: ImplicitGraph, plan: Plan) -> bool:
+def executed(graph: StanceGraph, plan: Plan) -> bool:
     """Return whether MuJoCo executes a plan without contact."""
     from mlivr_gym.simulation import execute  # loads GL
 

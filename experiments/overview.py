@@ -22,7 +22,7 @@ from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.scene_shapes import add_capsule, rgba
 from mlivr_gym.planners import Plan
 from mlivr_gym.robot import LIMB_COLOURS
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 from mlivr_gym.world import BOX, scene_name
 
 WIDTH, HEIGHT, DPI = 1600, 725, 100
@@ -38,19 +38,19 @@ EDGE_COLOUR, EDGE_RADIUS = "#6f8299", 0.0014
 """Colour and radius of their lines [m]."""
 
 
-def edge_paths(graph: TwoLimbGraph) -> Array:
+def edge_paths(graph: StanceGraph) -> Array:
     """Return the base positions at both ends of random edges, shape (e, 2, 3) [m]."""
     rng, found = np.random.default_rng(20261122), list[list[Array]]()
     while len(found) < EDGES:
         held, s = int(rng.integers(2)), int(rng.integers(len(graph)))
-        row = graph.row(held, s)
-        others = row[(np.asarray(graph.kept_branches(held, s, row)) > 0) & (row != s)]
+        steps = graph.successors(graph.state(graph.points[s].tolist()))
+        others = steps.base_position[steps.limb == 1 - held]
         if len(others):
-            found.append([graph.base_position[s], graph.base_position[int(rng.choice(others))]])
+            found.append([graph.base_position[s], others[int(rng.integers(len(others)))]])
     return np.array(found)
 
 
-def overview(graph: TwoLimbGraph, plan: Plan, path: Path) -> None:
+def overview(graph: StanceGraph, plan: Plan, path: Path) -> None:
     """Draw the figure with its legend."""
     renderer = SceneRenderer(graph.grasp_map, graph.robot, WIDTH, HEIGHT)
     for box in CUT_OPEN:
@@ -100,7 +100,6 @@ def main() -> None:
     """Plan the walk and draw it."""
     out = command_line(__doc__).parse_args().out
     graph, plan = case_3()
-    assert isinstance(graph, TwoLimbGraph)
     out.mkdir(parents=True, exist_ok=True)
     overview(graph, plan, out / "overview.png")
 

@@ -22,7 +22,7 @@ from mlivr_gym.files import read_json
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.lower_bounds import MAX_STEPS
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 from mlivr_gym.world import PLACES, as_map
 
 ENVIRONMENTS = {
@@ -49,7 +49,7 @@ SWEEPS = 8
 """Searches for the diameter, each from a stance farthest from the one before."""
 
 
-def diameter(graph: TwoLimbGraph) -> int:
+def diameter(graph: StanceGraph) -> int:
     """Return a lower bound of the most moves between two connected stances, by repeated sweeps.
 
     A move is counted whether or not its step can be made, so that no plan is shorter.
@@ -91,7 +91,6 @@ def measured(place: str, tasks: int, workers: int) -> dict[str, Any]:
     """Return the figures of one place."""
     rows = study_rows("places:planned", tasks, workers, place=[place])
     steps, graph = [row["steps"] for row in rows], world_of(place)[0].graph
-    assert isinstance(graph, TwoLimbGraph)
     low, high = as_map(place).cabin
     return {
         "size": (high - low).tolist(),

@@ -23,7 +23,7 @@ from mlivr_gym.extensions.studies import Row, StudyDesign, read_study, run_study
 from mlivr_gym.files import write_whole
 from mlivr_gym.paper import CASES, case_graph, default_setup
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.stances import StanceGraph, TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 
 ROOT = Path(__file__).parent.parent
 """Root folder of the repository."""
@@ -189,15 +189,13 @@ def with_interval(
     return f"{middle}{unit} [{low}, {high}]"
 
 
-def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> TwoLimbGraph:
+def two_limb_graph(grasp_map: GraspMap | None = None, **settings: Any) -> StanceGraph:
     """Return the stance graph of two limbs, by default on the map of the JEM."""
-    graph = stance_graph(grasp_map or jem_map(), settings=Settings(**settings))
-    assert isinstance(graph, TwoLimbGraph)
-    return graph
+    return stance_graph(grasp_map or jem_map(), settings=Settings(**settings))
 
 
 @cache
-def graph_and_tasks(count: int, seed: int, **settings: Any) -> tuple[TwoLimbGraph, list[Task]]:
+def graph_and_tasks(count: int, seed: int, **settings: Any) -> tuple[StanceGraph, list[Task]]:
     """Return the graph of two limbs in the JEM, and random tasks on it, once for each process."""
     graph, rng = two_limb_graph(**settings), np.random.default_rng(seed)
     return graph, [sample_task(graph, rng, 0.2) for _ in range(count)]

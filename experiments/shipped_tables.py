@@ -3,7 +3,7 @@
     python experiments/shipped_tables.py [--workers 2]
 
 Each table holds all nodes and edges of a stance graph of two limbs, with the branches that limbs
-can keep. Writes `envs_assets/pairs-*.npz` and removes tables of other graph rules, robots or maps
+can keep. Writes `envs_assets/table-*.npz` and removes tables of other graph rules, robots or maps
 from that folder. `make slow` computes the same tables and compares them. Those of three and four
 limbs are written by `mlivr-gym build --robot mlivr3 --out envs_assets/NAME`.
 """
@@ -17,8 +17,8 @@ from reports import CORES, command_line, study_rows
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.stances import TwoLimbGraph, fill_rows, write_built
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
+from mlivr_gym.stances import StanceGraph, build_table, write_built
+from mlivr_gym.stances.table_file import TABLES
 
 SHIPPED = (
     Settings(),
@@ -29,20 +29,18 @@ SHIPPED = (
 minutes."""
 
 
-def made(task: int) -> TwoLimbGraph:
+def made(task: int) -> StanceGraph:
     """Return the stance graph of one of the tables that ship."""
-    graph = stance_graph(settings=SHIPPED[task])
-    assert isinstance(graph, TwoLimbGraph)
-    return graph
+    return stance_graph(settings=SHIPPED[task])
 
 
 def built(task: int) -> dict[str, Any]:
     """Compute and write one of the tables anew."""
     os.environ["MLIVR_GYM_CACHE"] = ""  # no table is read from the cache
-    path = asset_path(TWO_LIMB_TABLES.name(made(task)))
+    path = asset_path(TABLES.name(made(task)))
     path.unlink(missing_ok=True)
     graph = made(task)
-    fill_rows(graph)
+    build_table(graph)
     write_built(graph, path)
     return {"name": path.name, "stances": len(graph), "size": path.stat().st_size}
 
@@ -51,8 +49,9 @@ def main() -> None:
     """Compute and write the tables."""
     workers = command_line(__doc__, None, workers=CORES).parse_args().workers
     rows = study_rows("shipped_tables:built", len(SHIPPED), workers)
-    for old in asset_path("").glob("pairs-*.npz"):
-        if old.name not in {row["name"] for row in rows}:
+    others = {TABLES.name(stance_graph(robot=f"mlivr{limbs}")) for limbs in (3, 4)}
+    for old in asset_path("").glob("table-*.npz"):
+        if old.name not in {row["name"] for row in rows} | others:
             old.unlink()
     for row in rows:
         print(f"{row['name']}: {row['stances']} stances, {row['size'] / 1e6:.2f} MB")

@@ -19,7 +19,6 @@ from mlivr_gym.cli.table1 import Start, row_of
 from mlivr_gym.errors import StanceError
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
 from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.stances import TwoLimbGraph
 
 LEAST = 3.0
 """Minimum distance of the goal from the base at the start [m]."""
@@ -51,7 +50,6 @@ def planner_of(case: int, mode: str, seed: int) -> Planner:
 def random_pair(seed: int) -> tuple[Start, list[float]]:
     """Return a random start on the deck with its base pose, and a distant goal on the overhead."""
     graph, rng = planner_of(2, "collisions", 0).graph, np.random.default_rng([15, seed])
-    assert isinstance(graph, TwoLimbGraph)
     faces = np.array(graph.grasp_map.faces)[graph.points]
     sides = [np.flatnonzero((faces == face).all(axis=1)) for face in ("deck", "overhead")]
     low, high = graph.grasp_map.cabin
@@ -76,7 +74,6 @@ def pair(task: int) -> dict[str, Any]:
                 # The start stays on the sparse map.
                 setup = _SETUP | {"start": list(start.stance), "goal": goal, "sparse_seed": task}
                 planner = Planner(case_graph(case, setup, mode))
-            assert isinstance(planner.graph, TwoLimbGraph)
             try:
                 found = planner.plan(
                     start.stance, goal, CASES[case].cost,
@@ -87,7 +84,6 @@ def pair(task: int) -> dict[str, Any]:
                 found = None
             out[mode][str(case)] = row_of(found.plan) if found and found.plan else None
     best = planner_of(2, "faithful", 0)
-    assert isinstance(best.graph, TwoLimbGraph)
     optimal = best.plan(
         start.stance, goal, "base", goal_face="overhead", start_pose=start.pose_for(best.graph)
     )

@@ -29,7 +29,7 @@ from mlivr_gym.envs import sample_task
 from mlivr_gym.planners import Plan, Planner, plan_of
 from mlivr_gym.simulation import scene_spec
 from mlivr_gym.simulation.scene import set_configuration
-from mlivr_gym.stances import TwoLimbGraph
+from mlivr_gym.stances import StanceGraph
 from mlivr_gym.world import BOX, scene_name
 
 HALVES = {
@@ -50,7 +50,7 @@ TOUCH = 1e-6
 class Scene:
     """The exported MuJoCo scene of a graph's robot and map."""
 
-    def __init__(self, graph: TwoLimbGraph) -> None:
+    def __init__(self, graph: StanceGraph) -> None:
         """Compile the scene."""
         self.ids = graph.grasp_map.ids
         self.model = scene_spec(graph.grasp_map, graph.robot).compile()
@@ -74,7 +74,7 @@ def penetrating(scene: Scene, places: list[tuple[Configuration, HeldPoints]]) ->
 
 
 def least_distance(
-    graph: TwoLimbGraph, ruler: Ruler, places: list[tuple[Configuration, HeldPoints]]
+    graph: StanceGraph, ruler: Ruler, places: list[tuple[Configuration, HeldPoints]]
 ) -> float:
     """Return coal's minimum distance over configurations [m]."""
     measured = (ruler.measured(here, grasps_of(graph, points)) for here, points in places)
@@ -82,7 +82,7 @@ def least_distance(
 
 
 def study_stances(
-    graph: TwoLimbGraph, free: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
+    graph: StanceGraph, free: StanceGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free stances, and the best postures of stances that only collisions rule out."""
     touching, places = 0, []
@@ -115,7 +115,7 @@ def study_stances(
     }
 
 
-def one_step(graph: TwoLimbGraph, before: Sequence[int], after: Sequence[int]) -> Plan | None:
+def one_step(graph: StanceGraph, before: Sequence[int], after: Sequence[int]) -> Plan | None:
     """Return the plan of a step between two stances, or None if it is blocked."""
     stances = tuple(before), tuple(after)
     branch_sets = [graph.branch_sets[graph.find(stance)] for stance in stances]
@@ -127,30 +127,34 @@ def one_step(graph: TwoLimbGraph, before: Sequence[int], after: Sequence[int]) -
 
 
 def random_step(
-    graph: TwoLimbGraph, free: TwoLimbGraph, rng: np.random.Generator
-) -> tuple[int, int, int]:
-    """Return support limb and both stances of a random step that is possible without collisions."""
+    graph: StanceGraph, free: StanceGraph, rng: np.random.Generator
+) -> tuple[int, int]:
+    """Return both stances of a random step that is possible without collisions."""
     while True:
         s0, held = int(rng.integers(len(graph))), int(rng.integers(2))
-        row = graph.row(held, s0)
-        if not len(row):
-            continue
+        row = np.flatnonzero(graph.points[:, held] == graph.points[s0, held])
         s1 = int(rng.choice(row))
-        pair = [free.find(graph.points[s].tolist()) for s in (s0, s1)]
-        if min(pair) >= 0 and free.kept_branches(held, pair[0], np.array([pair[1]]))[0]:
-            return held, s0, s1
+        if s1 != s0 and is_step(free, graph.points[s0].tolist(), graph.points[s1].tolist()):
+            return s0, s1
+
+
+def is_step(graph: StanceGraph, before: Sequence[int], after: Sequence[int]) -> bool:
+    """Return whether a step leads from a stance to another one."""
+    if graph.find(before) < 0:
+        return False
+    return graph.step_to(graph.state(before), tuple(after)) is not None
 
 
 def study_steps(
-    graph: TwoLimbGraph, free: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
+    graph: StanceGraph, free: StanceGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check random free steps, and measure the share of steps that are blocked."""
     configurations = bad = done = drawn = possible = 0
     bar = tqdm(total=count, desc="free steps", mininterval=2.0)
     while done < count:
-        held, s0, s1 = random_step(graph, free, rng)
+        s0, s1 = random_step(graph, free, rng)
         drawn += 1
-        if not graph.kept_branches(held, s0, np.array([s1]))[0]:
+        if not is_step(graph, graph.points[s0].tolist(), graph.points[s1].tolist()):
             continue
         possible += 1
         plan = one_step(graph, graph.points[s0].tolist(), graph.points[s1].tolist())
@@ -169,7 +173,7 @@ def study_steps(
 
 
 def study_plans(
-    graph: TwoLimbGraph, scene: Scene, count: int, rng: np.random.Generator
+    graph: StanceGraph, scene: Scene, count: int, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Check dense samples of random plans of both costs."""
     planner, kinds = Planner(graph), Counter[str]()
@@ -203,7 +207,7 @@ def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
 
 
 def obstacle_beside(
-    graph: TwoLimbGraph, here: Configuration, kind: str, rng: np.random.Generator
+    graph: StanceGraph, here: Configuration, kind: str, rng: np.random.Generator
 ) -> Box:
     """Return an obstacle next to a random capsule of a limb, in a random direction."""
     shapes, half = LimbShapes(graph.robot), HALVES[kind]

@@ -19,7 +19,7 @@ from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.planners import Cost, Planner, SearchOptions, plan_of
 from mlivr_gym.settings import Settings
 from mlivr_gym.simulation import Setup, StepExecutor, execute
-from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, random_state
+from mlivr_gym.stances import StanceGraph, State, random_state
 from mlivr_gym.stances.step_tables import step_tables
 
 STEPS = 10
@@ -30,7 +30,7 @@ COSTS = (("base", None), ("steps", None), ("weighted", 0.2))
 
 
 @cache
-def whole_graph() -> TwoLimbGraph:
+def whole_graph() -> StanceGraph:
     """Return the stance graph of the JEM with all steps known, once per process."""
     graph = two_limb_graph()
     step_tables(graph)

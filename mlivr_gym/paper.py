@@ -16,7 +16,7 @@ from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import NAME, Anything, FieldPath, Fields, Integer, ListOf, Tuples
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.values import MAX_LENGTH
 from mlivr_gym.world.grasp_map import GraspMap, jem_map
 
@@ -118,7 +118,7 @@ def case_map(case: int, setup: dict[str, Any]) -> GraspMap:
     )
 
 
-def case_graph(case: int, setup: dict[str, Any], mode: str) -> TwoLimbGraph:
+def case_graph(case: int, setup: dict[str, Any], mode: str) -> StanceGraph:
     """Return the stance graph of a case in one of `MODES`.
 
     Without checks of the steps the span of the robot is unlimited, as in the paper.
@@ -132,7 +132,6 @@ def case_graph(case: int, setup: dict[str, Any], mode: str) -> TwoLimbGraph:
         collisions=how.collisions,
     )
     graph = stance_graph(case_map(case, setup), robot, settings)
-    assert isinstance(graph, TwoLimbGraph)
     return graph
 
 

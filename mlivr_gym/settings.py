@@ -73,7 +73,7 @@ class Settings:
     manipulability: Annotated[bool, Flag()] = True
     """Whether stances must meet both thresholds of manipulability. Without them, stances are still
     excluded by `path_floor` if steps are checked, and always by the span of the robot
-    (`TwoLimbGraph.no_departure`, `point_pairs.count_farther`)."""
+    (`graph_table.COUNTS`, `point_pairs.count_farther`)."""
     transitions: Annotated[bool, Flag()] = True
     """Whether a step is an edge only if the support limbs are shown to hold all along it."""
     limb_threshold: Annotated[float, THRESHOLD] = LIMB_THRESHOLD

@@ -13,8 +13,8 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
 FIRST = np.zeros(1, dtype=np.int64)
@@ -36,7 +36,7 @@ class CostToGo:
     """
 
     @checked()
-    def __init__(self, graph: TwoLimbGraph, goal: Goal) -> None:
+    def __init__(self, graph: StanceGraph, goal: Goal) -> None:
         """Compute the costs of a goal; steps not checked before are checked, once for all goals."""
         self.graph, self.goal, self.cost = graph, goal, goal.cost
         self.is_goal: BoolArray = goal.reached(graph.base_position, graph.points)

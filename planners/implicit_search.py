@@ -27,12 +27,13 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import moved_points
-from mlivr_gym.planners.path_search import COST_TOLERANCE, EDGE_EFFORT, PathSearch, StatePath
+from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.present_table import EDGE_EFFORT
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 BLOCK_BATCH = 8
@@ -118,9 +119,9 @@ class Block:
 class ImplicitSearch(PathSearch):
     """A search over an implicit graph."""
 
-    graph: ImplicitGraph
+    graph: StanceGraph
 
-    def __init__(self, graph: ImplicitGraph, search: SearchQuery, start: State) -> None:
+    def __init__(self, graph: StanceGraph, search: SearchQuery, start: State) -> None:
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
         self.max_displacement, self.generated = graph.max_displacement, 1

@@ -36,14 +36,12 @@ from mlivr_gym.compiled.limb_branch_sets import (
 )
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.planners.backward_search import degree, edge_cost
-from mlivr_gym.planners.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.planners.clock import UNLIMITED, Clock, OutOfTime
 from mlivr_gym.planners.costs import CostWeights
 from mlivr_gym.planners.labels import (
     CAPACITY,
     CHECK_BATCH,
     NO_LABEL,
-    NO_NODES,
     NODE_BATCH,
     Labels,
     NodeOrigins,
@@ -58,8 +56,10 @@ from mlivr_gym.planners.open_queue import (
     push,
     requeue,
 )
+from mlivr_gym.stances.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
+from mlivr_gym.stances.present_table import NO_NODES
 
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,

@@ -29,9 +29,6 @@ MOST_EXPLORED = 20_000
 NO_LABEL = -1
 """Index that stands for no label."""
 
-NO_NODES = np.empty(0, dtype=np.bool_)
-"""No nodes that a search checks."""
-
 
 class Labels(NamedTuple):
     """Labels of a search, each an entry of its open queue."""

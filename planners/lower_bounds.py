@@ -21,12 +21,9 @@ from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import Cost, CostWeights, cost_weights
 from mlivr_gym.planners.fewest_steps import fewest_steps
 from mlivr_gym.planners.labels import Labels
-from mlivr_gym.planners.lazy_table import LazyTable, make_lazy_table
 from mlivr_gym.planners.query import Goal, SearchQuery
-from mlivr_gym.stances.node_table import ROUNDED, NodeTable
+from mlivr_gym.stances.node_table import ROUNDED, NodeTable, connected_parts
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.stances.two_limb_rows import connected_parts
 from mlivr_gym.transitions.state import State
 
 SEARCH_EXTENSION = (0.03, 2)
@@ -70,27 +67,17 @@ class LowerBounds:
         self.graph, self.table = graph, table
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
-        self._lazy_table: LazyTable | None = None
         self._weights: tuple[Cost, CostWeights] | None = None
         self._occupied = frozenset[int](), np.zeros(len(table.points), dtype=np.bool_)
         self._cached_bounds: OrderedDict[tuple[Any, ...], GoalBounds] = OrderedDict()
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
-        two_limbs = isinstance(graph, TwoLimbGraph)
-        self._position_error = 0.0 if two_limbs else 2.0 * ROUNDED
-        self._extension = (0.0, 0) if two_limbs else SEARCH_EXTENSION
+        self._position_error = 0.0 if graph.lists_all else 2.0 * ROUNDED
+        self._extension = (0.0, 0) if graph.lists_all else SEARCH_EXTENSION
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and none of the bounds."""
         return type(self), (self.graph,)
-
-    @property
-    def lazy_table(self) -> LazyTable:
-        """Nodes and edges in the present world, with the results of earlier checks in it."""
-        if self._lazy_table is None or self._lazy_table.version != self.graph.version:
-            self._lazy_table = make_lazy_table(self.graph, self._lazy_table)
-        assert self._lazy_table is not None
-        return self._lazy_table
 
     def weights(self, cost: Cost) -> CostWeights:
         """Return a cost for compiled searches over the table."""
@@ -132,7 +119,7 @@ class LowerBounds:
 
         They hold for paths over the nodes that keep branches so far and the edges between them.
         """
-        table = self.lazy_table.table
+        table = self.graph.present.table
         forbidden = self._occupied_nodes() | (table.branch_sets == 0)
         return self._compute(table, cost, goals, starts, forbidden, clock)
 
@@ -188,8 +175,8 @@ class LowerBounds:
     def is_connected(self, goal: Goal, start: State) -> bool:
         """Return whether moves may connect a state with a goal, whatever the obstacles are."""
         goals = self._goal_nodes(goal)
-        if isinstance(self.graph, TwoLimbGraph) and start.pose is None:
-            _, part = connected_parts(self.graph.points, len(self.graph.grasp_map))
+        if self.graph.lists_all and start.pose is None:
+            part = connected_parts(self.table)
             return bool((part[goals] == part[self.graph.find(start.stance)]).any())
         return bool(goals.any())
 

@@ -23,10 +23,6 @@ COST_TOLERANCE = 1e-9
 """Relative tolerance of costs: a path must be cheaper by more than this to replace another."""
 
 
-EDGE_EFFORT, NODE_EFFORT = 250, 4
-"""Expansions that take about as long as to check an edge, and a node (four limbs, obstacles)."""
-
-
 class StatePath(NamedTuple):
     """A path over states of the present world."""
 

@@ -45,7 +45,6 @@ from mlivr_gym.planners.why_not import Cause, find_cause
 from mlivr_gym.schema import Integer
 from mlivr_gym.sharing import OnGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 CACHED_TABLES = 16
@@ -175,7 +174,7 @@ class Planner(OnGraph):
         """
         target = Goal.from_arguments(self.graph, goal, "steps", None, goal_tolerance, goal_face)
         start_state = self._start_state(start, start_pose, start_joints)
-        limit = MAX_EXPANSIONS if isinstance(self.graph, TwoLimbGraph) else limit
+        limit = MAX_EXPANSIONS if self.graph.lists_all else limit
         search = SearchQuery.from_options(self.graph, target, SearchOptions(limit=limit))
         found = self._searched(search, start_state, Timer())
         if found:
@@ -325,9 +324,9 @@ class Planner(OnGraph):
                 self._cost_tables.popitem(last=False)
         return self._cost_tables[key]
 
-    def _two_limbs(self) -> TwoLimbGraph:
+    def _two_limbs(self) -> StanceGraph:
         """Return the stance graph, which must be one of two limbs."""
-        if not isinstance(self.graph, TwoLimbGraph):
+        if not self.graph.lists_all:
             name = self.graph.robot.name
             raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
         return self.graph

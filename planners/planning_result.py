@@ -13,7 +13,6 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners.outcome import LIMIT_REACHED, SEARCH_EXHAUSTED, Improvement, SearchResult
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 START_INFEASIBLE, GOAL_UNREACHABLE, NO_SWING = (
@@ -83,7 +82,7 @@ def too_far(graph: StanceGraph, goal: Goal) -> str:
 
     It is empty for more than two limbs, too, whose stances are not all known.
     """
-    if not isinstance(graph, TwoLimbGraph):
+    if not graph.lists_all:
         return ""
     is_goal = (graph.branch_sets > 0).all(axis=1) & goal.on_goal_face(graph.points)
     if not is_goal.any():  # it may be that all points are occupied

@@ -21,7 +21,6 @@ from mlivr_gym.planners.clock import UNLIMITED, Clock
 from mlivr_gym.planners.costs import COST_KINDS, HEURISTICS, Cost
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.given_points import GOAL, STANCE
 
@@ -218,7 +217,7 @@ class SearchQuery:
         """
         method, heuristic, inflation = options.method, options.heuristic, options.inflation
         effort = options.effort
-        is_algorithm1, two_limbs = method == "algorithm1", isinstance(graph, TwoLimbGraph)
+        is_algorithm1, two_limbs = method == "algorithm1", graph.lists_all
         if method == "dijkstra":
             if heuristic not in (None, "zero"):
                 raise SettingError(

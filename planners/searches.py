@@ -28,7 +28,6 @@ from mlivr_gym.planners.outcome import (
 from mlivr_gym.planners.path_search import PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_files import key_of
@@ -84,21 +83,18 @@ class GraphSearcher:
         graph = self.graph
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
-        if isinstance(graph, ImplicitGraph):
+        if graph.table is None:
             self._prepare_tables(graph, search)
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
             return run_search(TableSearch(lower_bounds, search, start))
-        assert isinstance(graph, ImplicitGraph)
         return run_search(ImplicitSearch(graph, search, start))
 
-    def _prepare_tables(self, graph: ImplicitGraph, search: SearchQuery) -> None:
+    def _prepare_tables(self, graph: StanceGraph, search: SearchQuery) -> None:
         """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.
 
         They are still being built then.
         """
-        if graph.table is not None:
-            return
         key, deadline = key_of(graph), search.clock.deadline
         result_by_deadline(("nodes", key), lambda: find_table(graph), deadline)
         needs_sets = self.build_sets and graph.searches_sets

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -46,6 +45,7 @@ from mlivr_gym.planners.search_stages import (
     first_of,
 )
 from mlivr_gym.postures.relabelling import relabelled
+from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.transitions.state import State
 
 FIRST_EXPANSION_LIMIT = 50
@@ -69,13 +69,17 @@ class TableSearch(PathSearch):
     def __init__(self, lower_bounds: LowerBounds, search: SearchQuery, start: State) -> None:
         """Prepare a search from a state."""
         super().__init__(lower_bounds.graph, search, start)
-        self._lower_bounds, self._lazy_table = lower_bounds, lower_bounds.lazy_table
-        self._checks_before, self._last_expanded = self._lazy_table.check_effort, 0
+        self._lower_bounds, self._present = lower_bounds, lower_bounds.graph.present
+        self._checks_before, self._last_expanded = self._present.check_effort, 0
         self._is_complete = self._is_exhausted = False
         self._labels = lower_bounds.labels
         self._origin_paths: list[StatePath] = []
-        self._check_nodes = partial(self._lazy_table.check_nodes, clock=self.clock)
         self._set_origins(StatePath((start,), self.start_posture.base_position))
+
+    def _check_nodes(self, rows: IntArray) -> None:
+        """Check nodes against obstacles, shape (k,)."""
+        for piece in self.clock.pieces("nodes", len(rows)):
+            self._present.check_nodes(rows[piece])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the query alone; a copy begins again."""
@@ -99,23 +103,23 @@ class TableSearch(PathSearch):
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
         stances, branch_sets = table[:, 0], table[:, 1]
-        rows, self._relabellings = self._lazy_table.table.find(stances, self.graph.robot)
+        rows, self._relabellings = self._present.table.find(stances, self.graph.robot)
         branch_sets = relabelled(branch_sets, self._relabellings)
         self._origins = NodeOrigins(rows, packed(branch_sets), costs)
 
     def _bounds_with_stages(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield lower bounds in turn, each with the stages of the search that use it."""
-        if self.graph.limbs > 2:
+        if not self.graph.lists_all:
             yield from self._bounds_for_many()
             return
         search, known = self.search, self._lower_bounds.cached(self.goal, self._origins.nodes)
         by_cost = SearchParameters(
-            search.cost_weight, check_when_popped=not self._lazy_table.is_complete
+            search.cost_weight, check_when_popped=not self._present.is_complete
         )
         if search.heuristic != "relaxed":
             yield self._lower_bounds.from_distance(search), (by_cost,)
             return
-        if not self._lazy_table.is_complete:
+        if not self._present.is_complete:
             yield from self._improved_bounds(known or self._bounds(self.goal))
             return
         if known is not None and known.occupied != self.graph.occupied:
@@ -202,12 +206,12 @@ class TableSearch(PathSearch):
         every other node costs at least the final lower bound of the backward search minus its bound
         from the start.
         """
-        lazy_table, goal, start = self._lazy_table, self.goal, self._origins.nodes[0]
+        present, goal, start = self._present, self.goal, self._origins.nodes[0]
         nodes = np.flatnonzero(goal_bounds.h == 0.0)
         start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes, self.clock)
-        origins = NodeOrigins(nodes, lazy_table.table.branch_sets[nodes], np.zeros(len(nodes)))
+        origins = NodeOrigins(nodes, present.table.branch_sets[nodes], np.zeros(len(nodes)))
         weights = self._lower_bounds.weights(goal.cost)
-        search_graph = SearchGraph(lazy_table.table, lazy_table.checked_edges, weights)
+        search_graph = SearchGraph(present.table, present.checked_edges, weights)
         found = cheapest_path(
             search_graph, start_bounds, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
@@ -252,7 +256,7 @@ class TableSearch(PathSearch):
             path = self._search(goal_bounds, stage, cost_limit)
             if path is None:
                 return None
-            states = self._checked_walk(path, stage)
+            states = self._checked_walk(path)
             if states is None:
                 continue
             if self.goal.reached(states.positions[-1], states.states[-1].stance):
@@ -265,11 +269,11 @@ class TableSearch(PathSearch):
         self, goal_bounds: GoalBounds, stage: SearchParameters, cost_limit: float
     ) -> NodePath | None:
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
-        lazy_table, search, known = self._lazy_table, self.search, self._lazy_table.checked_edges
+        present, search, known = self._present, self.search, self._present.checked_edges
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit = min(stage.max_expansions, limit)
         weights = self._lower_bounds.weights(goal_bounds.cost)
-        search_graph = SearchGraph(lazy_table.table, known, weights, unchecked=lazy_table.unchecked)
+        search_graph = SearchGraph(present.table, known, weights, unchecked=present.unchecked)
         found = cheapest_path(
             search_graph, goal_bounds.h, self._origins, self._labels,
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
@@ -286,12 +290,17 @@ class TableSearch(PathSearch):
         return found.path
 
     def _look_at(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """Look at edges, see `LazyTable`; `OutOfTime` once the effort is spent."""
+        """Look at edges; return an upper bound of the branches after them, 0 for no step, (k,).
+
+        Raises `OutOfTime` once the effort is spent.
+        """
         if self.effort >= self.search.effort:
             raise OutOfTime
-        pieces = self.clock.pieces("edges", len(edges))
-        after = [self._lazy_table.branch_sets_at_most(edges[k], branch_sets[k]) for k in pieces]
-        return np.concatenate([branch_sets[:0], *after])
+        present, after = self._present, [branch_sets[:0]]
+        for k in self.clock.pieces("edges", len(edges)):
+            kept = present.kept_at_most(edges[k])
+            after.append(present.branch_sets_after(edges[k], branch_sets[k], kept))
+        return np.concatenate(after)
 
     def _proves(self, stage: SearchParameters) -> bool:
         """Return whether the lower bound of a search holds for all plans.
@@ -302,26 +311,33 @@ class TableSearch(PathSearch):
         keeps_all = stage.labels_per_node == CAPACITY
         return (self._is_exhausted and keeps_all) or stage.cost_weight == 1.0
 
-    def _checked_walk(self, path: NodePath, stage: SearchParameters) -> StatePath | None:
-        """Check the edges of a path; return its states, None if one fails."""
-        lazy_table, branch_sets = self._lazy_table, path.branch_sets
-        if not lazy_table.is_complete:
-            kept = lazy_table.checked_branch_sets(path, self.clock)
-            if kept is None:
-                return None
-            branch_sets = kept
-        start, relabelling = self._origin_paths[path.origin], int(self._relabellings[path.origin])
-        return lazy_table.state_path(start, relabelling, path._replace(branch_sets=branch_sets))
+    def _checked_walk(self, path: NodePath) -> StatePath | None:
+        """Check the edges of a path; return its states, None if a limb keeps no branch."""
+        present, edges = self._present, path.edges
+        if not present.is_complete:
+            for piece in self.clock.pieces("edges", len(edges)):
+                present.kept(edges[piece])
+        (_, i), (_, j), _ = edge_ends(present.table, edges)
+        relabelling = int(self._relabellings[path.origin])
+        relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
+        points = relabelled(present.table.points[path.nodes].astype(np.int64), relabellings)
+        start = self._origin_paths[path.origin]
+        states = self.graph.states_along(start.states[-1], [*map(tuple, points[1:].tolist())])
+        if len(states) < len(points):
+            return None
+        positions = self.graph.postures_of(states[1:]).base_position if len(states) > 1 else ()
+        every = np.concatenate([start.positions, np.reshape(positions, (-1, 3))])
+        return StatePath((*start.states, *states[1:]), every)
 
     @property
     def effort(self) -> int:
         """The effort so far, see `PathSearch.effort`."""
-        return self.expanded + self._lazy_table.check_effort - self._checks_before
+        return self.expanded + self._present.check_effort - self._checks_before
 
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""
         proved = super().bound()
-        if self._is_complete and self.graph.limbs == 2:
+        if self._is_complete and self.graph.lists_all:
             return min(proved, self.search.guaranteed_bound)
         return proved
 
@@ -332,5 +348,5 @@ class TableSearch(PathSearch):
     def tree(self) -> Array:
         """Return base positions at both ends of the edges explored last, (e, 2, 3) [m]."""
         origins = np.array([path.positions[0] for path in self._origin_paths]).reshape(-1, 3)
-        nodes = self._lazy_table.table
+        nodes = self._present.table
         return self._labels.explored_edges(self._last_expanded, nodes.base_position, origins)

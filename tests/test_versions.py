@@ -23,8 +23,8 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.step_tables import step_tables
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import HEAD
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
 
@@ -110,8 +110,8 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     graph = stance_graph(world)
     first, file, head = (
         step_tables(graph),
-        TWO_LIMB_TABLES.cached(graph),
-        TWO_LIMB_TABLES.head(graph),
+        TABLES.cached(graph),
+        TABLES.head(graph),
     )
     with zipfile.ZipFile(file) as data:
         kept = {name: data.read(name) for name in data.namelist()}

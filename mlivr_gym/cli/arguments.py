@@ -22,8 +22,7 @@ from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.schema import Choice, FieldPath, Integer, Numbers, Validator
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.boxes import Box, load_obstacles
 from mlivr_gym.world.grasp_map import PLACES, GraspMap, as_map
 from mlivr_gym.world.units import UNIT_OF_LENGTH
@@ -227,7 +226,7 @@ def chosen_map(args: argparse.Namespace) -> GraspMap:
     return GraspMap.load(args.map, unit=args.unit)
 
 
-def chosen_graph(args: argparse.Namespace) -> TwoLimbGraph | ImplicitGraph:
+def chosen_graph(args: argparse.Namespace) -> StanceGraph:
     """Build the stance graph of the arguments, with the obstacles if the command has any."""
     with Progress("building the stance graph", quiet=args.quiet):
         graph = stance_graph(chosen_map(args), chosen_robot(args), chosen_settings(args))
@@ -267,7 +266,7 @@ def numbered_boxes(name: str, corners: list[list[float]]) -> list[Box]:
 
 
 def chosen_task(
-    graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace
+    graph: StanceGraph, args: argparse.Namespace
 ) -> tuple[tuple[str, ...], tuple[float, ...]]:
     """Return the start as point ids, and the goal position [m].
 

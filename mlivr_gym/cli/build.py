@@ -11,7 +11,8 @@ from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import PER_CENT, Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
-from mlivr_gym.stances.table_build import build_table, files_of, find_table, write_built
+from mlivr_gym.stances.table_build import build_table, find_table, write_built
+from mlivr_gym.stances.table_file import TABLES
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """
     check_outputs(args.out, inputs=input_files(args))
     graph, folder = chosen_graph(args), cache_folder()
-    name = files_of(graph).name(graph)
+    name = TABLES.name(graph)
     if folder is None and args.out is None:
         raise SettingError(
             f"{CACHE_VARIABLE} is empty, so the table would not be stored; name a file with --out"

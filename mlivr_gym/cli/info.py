@@ -11,10 +11,9 @@ import numpy as np
 
 from mlivr_gym.cli.arguments import chosen_graph, obstacle_options, world_options
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.stances.node_table import connected_parts
 from mlivr_gym.stances.point_pairs import count_farther
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.stances.two_limb_rows import connected_parts
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -85,37 +84,34 @@ def summary_of(graph: StanceGraph) -> dict[str, dict[str, Any]]:
             "pairs_within_span": len(graph.pairs),
             "obstacles": len(graph.obstacles),
             "occupied": len(graph.occupied),
-            **(
-                _pair_summary(graph)
-                if isinstance(graph, TwoLimbGraph)
-                else {"stances": "on demand"}
-            ),
+            **(_pair_summary(graph) if graph.lists_all else {"stances": "on demand"}),
         },
     }
 
 
-def _pair_summary(graph: TwoLimbGraph) -> dict[str, Any]:
+def _pair_summary(graph: StanceGraph) -> dict[str, Any]:
     """Count stances and steps of two limbs, and the pairs of points that each rule excludes.
 
-    `departure` is `TwoLimbGraph.no_departure`, which applies without thresholds, too. Pairs at a
-    distance above the span are not evaluated.
+    The path floor of departures applies without thresholds, too. Pairs at a distance above the span
+    are not evaluated.
     """
-    excluded = {
-        "reach": graph.considered - graph.reachable,
-        **graph.removed,
-        "departure": graph.no_departure,
-    }
-    excluded["manipulability"] = graph.considered - len(graph) - sum(excluded.values())
-    count, part = connected_parts(graph.points, len(graph.grasp_map))
+    assert graph.table is not None
+    counts = dict(graph.listed.counts)
+    considered, reachable = counts.pop("considered"), counts.pop("reachable")
+    departure = counts.pop("no_departure")
+    excluded = {"reach": considered - reachable, **counts, "departure": departure}
+    excluded["manipulability"] = considered - len(graph) - sum(excluded.values())
+    part, (_, row_start) = connected_parts(graph.table), graph.by_point
+    sizes = np.bincount(part)
     return {
         "pairs_farther_than_span": count_farther(graph.grasp_map, graph.robot),
-        "stances_reachable": graph.reachable,
+        "stances_reachable": reachable,
         "stances": len(graph),
         "stances_left_out": excluded,
         "stances_now": int((graph.branch_sets > 0).all(axis=1).sum()),
-        "steps_before_checks": int((graph.steps.degree**2).sum() - 2 * len(graph)),
-        "connected_parts": count,
-        "stances_of_the_largest_part": int(np.bincount(part).max()),
+        "steps_before_checks": int((np.diff(row_start) ** 2).sum() - 2 * len(graph)),
+        "connected_parts": int((sizes > 0).sum()),
+        "stances_of_the_largest_part": int(sizes.max()),
         "w_m": [float(graph.w_m.min()), float(graph.w_m.max())],
         "w_b": [float(graph.w_b.min()), float(graph.w_b.max())],
         "longest_step": graph.max_displacement,

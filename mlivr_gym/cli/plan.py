@@ -23,10 +23,8 @@ from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
 from mlivr_gym.planners.planning_result import PROVED_IMPOSSIBLE
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.table_build import find_table
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +92,7 @@ def summary_of(plan: Plan) -> dict[str, Any]:
     }
 
 
-def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> PlanningResult:
+def find_plan(graph: StanceGraph, args: argparse.Namespace) -> PlanningResult:
     """Plan from the start to the goal of the arguments, and print the plan.
 
     Raises a `NoPlanError` if no plan exists; the message says which rule excludes it.
@@ -105,7 +103,7 @@ def find_plan(graph: TwoLimbGraph | ImplicitGraph, args: argparse.Namespace) -> 
     with Progress("choosing start and goal", quiet=args.quiet):
         start, goal = chosen_task(graph, args)
     expanded = "states expanded"
-    if isinstance(graph, ImplicitGraph):
+    if not graph.lists_all:
         with Progress("loading the node table", quiet=args.quiet):
             table = find_table(graph)
         if table is None:

@@ -37,8 +37,7 @@ from mlivr_gym.pictures.simulation_figures import simulation_figure
 from mlivr_gym.planners import Plan
 from mlivr_gym.schema import Choice, Integer, Tuples
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.execution import Execution
@@ -118,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
         setup = default_setup()
         args.start, args.goal = tuple(setup["start"]), tuple(setup["goal"])
         args.cost, args.goal_face = CASES[args.case].cost, setup["goal_face"]
-        graph: TwoLimbGraph | ImplicitGraph = case_graph(
+        graph: StanceGraph = case_graph(
             args.case, setup, "steps" if args.no_collisions else "collisions"
         )
     else:
@@ -126,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     return simulate(args, graph, find_plan(graph, args).unwrap())
 
 
-def simulate(args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, plan: Plan) -> int:
+def simulate(args: argparse.Namespace, graph: StanceGraph, plan: Plan) -> int:
     """Execute a plan, print and save the measurements, and return the exit code."""
     from mlivr_gym.simulation.execution import execute
     from mlivr_gym.simulation.timing import plan_trajectory
@@ -227,9 +226,7 @@ def _save(execution: Execution, out: Path) -> None:
     print(f"plot: {plot}, {plot.with_suffix('.svg')}")
 
 
-def _film(
-    args: argparse.Namespace, graph: TwoLimbGraph | ImplicitGraph, execution: Execution, path: Path
-) -> None:
+def _film(args: argparse.Namespace, graph: StanceGraph, execution: Execution, path: Path) -> None:
     """Render the film, or print why it cannot be made."""
     plan = execution.plan
     make = partial(

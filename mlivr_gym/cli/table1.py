@@ -37,7 +37,7 @@ from mlivr_gym.planners import Plan, Planner, SearchOptions
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 MODE_PICTURES = {"steps": "", "collisions": "_collisions"}
@@ -170,13 +170,13 @@ class Start(NamedTuple):
         return cls.at(case_graph(2, setup, "collisions"), tuple(setup["start"]))
 
     @classmethod
-    def at(cls, graph: TwoLimbGraph, stance: tuple[str, ...]) -> Start:
+    def at(cls, graph: StanceGraph, stance: tuple[str, ...]) -> Start:
         """Return the start at a stance, in its posture in a stance graph."""
         posture = graph.posture(graph.indices(stance))
         orientation = quaternion(posture.base_rotation)[0].tolist()
         return cls(stance, (*posture.base_position[0].tolist(), *orientation))
 
-    def pose_for(self, graph: TwoLimbGraph) -> tuple[float, ...] | None:
+    def pose_for(self, graph: StanceGraph) -> tuple[float, ...] | None:
         """Return the pose as argument of a planner: None if it is the posture in this graph."""
         return graph.given_pose_of(self.stance, np.array(self.pose[:3]), np.array(self.pose[3:]))
 
@@ -251,15 +251,14 @@ def excluded_without_thresholds(setup: dict[str, Any]) -> dict[str, float]:
 
     def stances(robot: RobotSpec, settings: Settings) -> int:
         other = stance_graph(graph.grasp_map, robot, settings)
-        assert isinstance(other, TwoLimbGraph)
         return len(other)
 
     unchecked_wide = stances(wide, unchecked)
     return {
         "path_floor": graph.settings.path_floor,
         "span": graph.robot.span,
-        "reachable": graph.reachable,
-        "by_floor": graph.no_departure,
+        "reachable": graph.listed.counts["reachable"],
+        "by_floor": graph.listed.counts["no_departure"],
         "by_span": stances(wide, graph.settings) - len(graph),
         "by_span_unchecked": unchecked_wide - stances(graph.robot, unchecked),
         "unchecked_wide": unchecked_wide,

@@ -11,7 +11,6 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.world.grasp_map import jem_map
 
 START, GOAL = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
@@ -30,7 +29,6 @@ def run(args: argparse.Namespace) -> None:
     with Progress("planning", quiet=args.quiet):
         graph = stance_graph()
         few = stance_graph(jem_map().subset(np.isin(graph.grasp_map.ids, FEW), "four points"))
-        assert isinstance(few, TwoLimbGraph)
         start, goal = few.ids(few.points[0]), few.base_position[-1].tolist()
         for cost in ("steps", "base"):
             Planner(graph).plan(START, GOAL, cost).unwrap()

@@ -15,7 +15,6 @@ from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.stances.moves import StanceProperties
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 
 BRANCH_BITS = (np.arange(1 << 16)[:, None] >> np.arange(16) & 1).astype(np.int8)
@@ -110,7 +109,7 @@ class ObservationTable(NamedTuple):
     """Base position [m], quaternion, limb and base manipulability, shape (n, 3 + 4 + 2 + 1)."""
 
     @classmethod
-    def of(cls, graph: TwoLimbGraph) -> ObservationTable:
+    def of(cls, graph: StanceGraph) -> ObservationTable:
         """Return the table of a graph."""
         turns = quaternion(graph.base_rotation)
         properties = np.column_stack([graph.base_position, turns, graph.w_m, graph.w_b])

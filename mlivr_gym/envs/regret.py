@@ -17,7 +17,6 @@ from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 
 if TYPE_CHECKING:
     from mlivr_gym.stances.step_tables import StepTables
@@ -125,7 +124,7 @@ class EpisodeRegret:
                 "known optimum"
             )
         self._costs: OptimalCosts | CostBounds
-        if isinstance(env.graph, TwoLimbGraph):
+        if env.graph.lists_all:
             self._costs, self._regret = OptimalCosts(env, 1), Regret(1)
         else:
             names = "optimal_cost_lower_bound", "lower_bound_gap"

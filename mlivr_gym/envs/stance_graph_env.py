@@ -20,12 +20,10 @@ from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.schema import Choice, OrNone
 from mlivr_gym.sharing import Independent, OnGraph, locked
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_build import find_table
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State, Successors
 
 
@@ -61,7 +59,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
         actions = graph.limbs * len(graph.grasp_map) + self.further_actions
         self.action_space = spaces.Discrete(actions)
         self.observation_space = observation_space(graph, layouts)
-        if isinstance(graph, ImplicitGraph):
+        if not graph.lists_all:
             find_table(graph)
         self._moves: Moves | None = None
         self._moves_version, self._uses_tables, self._layouts = graph.version, False, layouts
@@ -76,7 +74,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
         """The steps in the present world, from exact tables if all are known."""
         graph = self.graph
         if self._moves is None or self._moves_version != graph.version:
-            known = isinstance(graph, TwoLimbGraph) and graph.is_complete
+            known = graph.lists_all and graph.is_complete
             self._moves = self._exact_moves() if self._uses_tables or known else GraphMoves(graph)
             self._moves_version = graph.version
         return self._moves
@@ -95,7 +93,6 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
     def _exact_moves(self) -> TableMoves:
         """Return the steps from the exact tables of the present world."""
         tables = step_tables(self.graph)
-        assert isinstance(self.graph, TwoLimbGraph)
         return TableMoves(self.graph, tables)
 
     @property

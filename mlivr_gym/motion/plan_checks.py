@@ -23,7 +23,7 @@ from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, flange_in_bod
 from mlivr_gym.motion.plan_parts import CUSTOM, Motion, Query, Statistics, Step, World, step_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.postures.postures import FIELDS, Postures
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap
 
@@ -96,15 +96,15 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
     _check_steps(graph, motion, expected, bits)
 
 
-def _graph(world: World, grasp_map: GraspMap) -> ImplicitGraph:
+def _graph(world: World, grasp_map: GraspMap) -> StanceGraph:
     """Return a stance graph of the world of a plan, which computes nodes and edges on demand."""
-    graph = ImplicitGraph(grasp_map, world.robot, world.settings)
+    graph = StanceGraph(grasp_map, world.robot, world.settings)
     graph.add_obstacles(world.obstacles)
     graph.occupy(world.occupied)
     return graph
 
 
-def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntArray:
+def _branch_bits(graph: StanceGraph, points: IntArray, motion: Motion) -> IntArray:
     """Return the branch and flip of each limb as `branch + 8 * flip`, shape (K, N).
 
     Raises a `PlanError` if the limbs do not hold their points with these joint angles, or are on
@@ -138,7 +138,7 @@ def _branch_bits(graph: ImplicitGraph, points: IntArray, motion: Motion) -> IntA
     return bits
 
 
-def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) -> None:
+def _check_base(graph: StanceGraph, points: IntArray, motion: Motion, k: int) -> None:
     """Check the base pose of stance `k`; raise an error if all limbs agree on another one."""
     given = motion.base_rotations[k]
     positions, turns = np.empty((graph.limbs, 3)), np.empty((graph.limbs, 3, 3))
@@ -161,7 +161,7 @@ def _check_base(graph: ImplicitGraph, points: IntArray, motion: Motion, k: int) 
         )
 
 
-def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
+def _postures(graph: StanceGraph, points: IntArray, motion: Motion, bits: IntArray) -> Postures:
     """Return the postures of the stances at the given base poses.
 
     That is the posture of the stance if its base pose is the given one, and otherwise a posture at
@@ -196,7 +196,7 @@ def _postures(graph: ImplicitGraph, points: IntArray, motion: Motion, bits: IntA
 
 
 def _check_steps(
-    graph: ImplicitGraph, motion: Motion, expected: CommittedMotion, bits: IntArray
+    graph: StanceGraph, motion: Motion, expected: CommittedMotion, bits: IntArray
 ) -> None:
     """Check that each step is an edge and that the motion equals the recomputed one."""
     for k, edge in enumerate(expected.edges):
@@ -248,7 +248,7 @@ def _check_joint_path(place: str, path: JointPath) -> None:
         )
 
 
-def _same_swing(graph: ImplicitGraph, expected: CommittedMotion, k: int, step: Step) -> Step:
+def _same_swing(graph: StanceGraph, expected: CommittedMotion, k: int, step: Step) -> Step:
     """Return step `k` with the clear swing that a plan may have chosen, or that it should have."""
     assert expected.motion is not None
     found = expected.motion.steps[k]

@@ -10,24 +10,19 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.stances.build import in_same_world
-    from mlivr_gym.stances.implicit_graph import ImplicitGraph
     from mlivr_gym.stances.random_states import TRIES, random_state
     from mlivr_gym.stances.stance_graph import StanceGraph
-    from mlivr_gym.stances.table_build import build_table, fill_rows, find_table, write_built
+    from mlivr_gym.stances.table_build import build_table, find_table, write_built
     from mlivr_gym.stances.table_files import TableError
-    from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
     from mlivr_gym.transitions.state import State, Successors
 
 __all__ = [
     "TRIES",
-    "ImplicitGraph",
     "StanceGraph",
     "State",
     "Successors",
     "TableError",
-    "TwoLimbGraph",
     "build_table",
-    "fill_rows",
     "find_table",
     "in_same_world",
     "random_state",

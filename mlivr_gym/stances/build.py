@@ -5,16 +5,25 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.collisions.always_close import told_always_close
+from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.graph_table import COUNTS, GraphTable, ListedStances
+from mlivr_gym.stances.node_edges import EdgeSet, NodePair, count_node_pairs, with_edges
+from mlivr_gym.stances.node_table import is_exact
+from mlivr_gym.stances.node_table_build import table_of_listed
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
-from mlivr_gym.stances.two_limb_graph import REMOVED, TwoLimbGraph
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
+
+REMOVED = {"self": (SELF,), "cabin": (CABIN, OBSTACLE), "handrail": (HANDRAIL,)}
+"""Causes of collisions that remove a stance from the graph; obstacles are here those of the map."""
 
 
 @checked({"grasp_map": MAP, "robot": ROBOT_OR_NAME, "settings": OrNone(InstanceOf(Settings))})
@@ -22,7 +31,7 @@ def stance_graph(
     grasp_map: str | Path | GraspMap | dict[str, Any] | None = None,
     robot: str | RobotSpec | dict[str, Any] = "mlivr2",
     settings: Settings | None = None,
-) -> TwoLimbGraph | ImplicitGraph:
+) -> StanceGraph:
     """Return the stance graph of a robot on a map.
 
     The map is the name of one that ships, the path of a JSON or CSV file, a map, or plain data, by
@@ -39,15 +48,38 @@ def stance_graph(
     331
     """
     world, robot, settings = as_map(grasp_map), robot_spec(robot), settings or Settings()
-    if robot.limbs > 2:
-        return ImplicitGraph(world, robot, settings)
-    graph = TwoLimbGraph(world, robot, settings)
-    if not len(graph):
-        raise RobotError(
-            f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "
-            f"{_why_empty(graph)}"
-        )
+    graph = StanceGraph(world, robot, settings)
+    if is_exact(robot.limbs):
+        list_stances(graph)
+        if not len(graph):
+            raise RobotError(
+                f"robot {robot.name!r} cannot hold any stance on map {world.name!r}: "
+                f"{_why_empty(graph)}"
+            )
     return graph
+
+
+def list_stances(graph: StanceGraph) -> None:
+    """Give a graph its table: all stances from a file, or computed; steps only from a file."""
+    found = TABLES.find(graph)
+    if found is not None:
+        graph.graph_table = found[1]
+        return
+    postures = graph.postures(graph.pairs)
+    node = graph.is_node(postures)
+    clear, w_b = postures.cause == CLEAR, postures.w_b
+    stuck = ~node & clear & (w_b > 0.0) & (w_b >= graph.base_threshold)
+    no_departure = (stuck & (postures.w_m >= graph.limb_threshold).all(axis=1)).sum()
+    counts = [len(graph.pairs), int(postures.reachable.sum()), int(no_departure)]
+    counts += [int(np.isin(postures.cause[~node], causes).sum()) for causes in REMOVED.values()]
+    listed = ListedStances(postures.take(node), dict(zip(COUNTS, counts, strict=True)))
+    # Until they are checked, limbs are taken to be released on every branch, and steps to keep all.
+    sets = listed.postures.branch_sets
+    table = table_of_listed(graph.pairs[node], listed.postures, sets, np.zeros_like(sets))
+    pairs = count_node_pairs(table, NodePair.before(table, 0), len(table.offset) - 1)
+    every, none = np.ones(pairs, dtype=np.bool_), np.zeros(pairs, dtype=np.bool_)
+    nodes = with_edges(table, EdgeSet(every, none, np.zeros(0, dtype=np.uint64)))
+    graph.graph_table = GraphTable(nodes, not graph.settings.transitions, listed)
 
 
 def in_same_world(
@@ -56,7 +88,7 @@ def in_same_world(
     grasp_map: GraspMap | None = None,
     robot: RobotSpec | None = None,
     settings: Settings | None = None,
-) -> TwoLimbGraph | ImplicitGraph:
+) -> StanceGraph:
     """Return the graph of another map, robot or settings in the world of a graph.
 
     It has the obstacles and the occupied points of the graph; another map has the graph's points
@@ -70,9 +102,11 @@ def in_same_world(
     return made
 
 
-def _why_empty(graph: TwoLimbGraph) -> str:
+def _why_empty(graph: StanceGraph) -> str:
     """Return why a graph without stances has none."""
-    if not graph.reachable:
+    counts = graph.listed.counts
+    reachable = counts["reachable"]
+    if not reachable:
         robot = graph.robot
         where = "" if robot.mounts else f" mounted {robot.mount_radius:g} m from the axis"
         return (
@@ -80,9 +114,9 @@ def _why_empty(graph: TwoLimbGraph) -> str:
             "the robot other heights"
         )
     touching = ", ".join(
-        f"{count} touch {TOUCHED[REMOVED[name][0]]}"
-        for name, count in graph.removed.items()
-        if count
+        f"{counts[name]} touch {TOUCHED[causes[0]]}"
+        for name, causes in REMOVED.items()
+        if counts[name]
     )
     thresholds = (
         f"w_m >= {graph.limb_threshold:g} and w_b >= {graph.base_threshold:g} with limbs that can "
@@ -91,7 +125,9 @@ def _why_empty(graph: TwoLimbGraph) -> str:
     if touching:
         told = told_always_close(graph.robot, graph.settings.clearance)
         return (
-            f"of {graph.reachable} stances in reach none is left; of those that meet {thresholds} "
+            f"of {reachable} stances in reach none is left; of those that meet {thresholds} "
             f"{touching}{': ' if told else ''}{told}"
         )
-    return f"of {graph.reachable} stances in reach none meets {thresholds}; lower limb_threshold"
+    return (
+        f"of {counts['reachable']} stances in reach none meets {thresholds}; lower limb_threshold"
+    )

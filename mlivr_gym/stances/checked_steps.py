@@ -8,14 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import IntArray
+from mlivr_gym.arrays import BoolArray, IntArray
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.errors import StanceError
 from mlivr_gym.postures.postures import FIELDS, Postures
+from mlivr_gym.postures.solver import PostureSolver
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Integer
+from mlivr_gym.settings import Settings
 from mlivr_gym.stances.obstacles import ChangingWorld
 from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.state import State, Successors
+from mlivr_gym.world.grasp_map import GraspMap
 
 Pieces = Callable[[str, int], Iterable[slice]]
 """A function that divides a number of items of some kind into pieces, to work on them in turn."""
@@ -26,8 +31,23 @@ def at_once(kind: str, count: int) -> Iterable[slice]:
     return (slice(count),)
 
 
+MOST_RELEASES = 1 << 16
+"""Number of releases without obstacles that are kept for other obstacles; they take some 30 MB."""
+
+
 class CheckedSteps(ChangingWorld):
-    """Releases and steps between stances whose postures are given; results are not stored."""
+    """Releases and steps between stances whose postures are given; releases are stored."""
+
+    def __init__(
+        self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings, solver: PostureSolver
+    ) -> None:
+        """Start with no results."""
+        super().__init__(grasp_map, robot, settings, solver)
+        self._releases: dict[tuple[bytes, int], Any] = {}
+        self._free_releases: dict[tuple[bytes, int], Any] = {}
+
+    def _world_changed(self) -> None:
+        self._releases = {}
 
     @abstractmethod
     def posture_of(self, state: State) -> Postures:
@@ -60,9 +80,67 @@ class CheckedSteps(ChangingWorld):
         return stances.releases
 
     def _check_releases(self, stances: StanceArrays, todo: IntArray) -> None:
-        """Compute releases that are not known: rows and limbs, shape (k, 2)."""
+        """Compute releases that are not known, given by rows and limbs, shape (k, 2), once."""
+        new = []
         todo = todo[~stances.releases["known"][todo[:, 0], todo[:, 1]]]
-        self.checks.release(stances, todo, self.checks.world(self.obstacle_grid))
+        for row, limb in todo.tolist():
+            key = (stances.points[row].tobytes() + stances.base[row].tobytes(), limb)
+            found = self._releases.get(key)
+            if found is None:
+                new.append((row, limb, key))
+            else:
+                stances.releases[row, limb] = found
+        unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
+        rows, limbs = unknown.T
+        known, found = self._known_releases(stances, unknown)
+        stances.releases[rows[known], limbs[known]] = found[known]
+        if self.obstacles:
+            self._check_releases_among_obstacles(stances, unknown, known, [key for *_, key in new])
+        else:
+            self.checks.release(stances, unknown[~known], self.checks.world(None))
+        stances.releases["branches"][rows, limbs] &= stances.branch_sets[rows, limbs]
+        for row, limb, key in new:
+            self._releases[key] = stances.releases[row, limb].copy()
+
+    @abstractmethod
+    def _known_releases(self, stances: StanceArrays, todo: IntArray) -> tuple[BoolArray, Any]:
+        """Return which releases are known without obstacles, shape (k,), and rows with those.
+
+        They are given by rows and limbs, shape (k, 2); the rows are of `ReleaseRecord`.
+        """
+
+    @abstractmethod
+    def _free_stances(self, stances: StanceArrays, rows: IntArray) -> StanceArrays:
+        """Return some stances with the branches on which limbs may hold without obstacles."""
+
+    def _check_releases_among_obstacles(
+        self, stances: StanceArrays, todo: IntArray, known: BoolArray, keys: list[tuple[bytes, int]]
+    ) -> None:
+        """Compute releases among obstacles, each with its key; some are known without, (k,).
+
+        The motion by which a limb is released is chosen without obstacles, which only remove
+        branches from it: so obstacles never add a step. It is kept for other obstacles.
+        """
+        kept = self._free_releases
+        if len(kept) > MOST_RELEASES:
+            kept.clear()
+        new = np.array([key not in kept for key in keys], dtype=np.bool_) & ~known
+        if new.any():
+            rows, limbs = todo[new].T
+            free, items = self._free_stances(stances, rows), np.arange(len(rows))
+            # Branches on which a table says that a limb cannot be released need no check.
+            releases = free.releases[items, limbs]
+            told = releases["known"]
+            free.branch_sets[items[told], limbs[told]] = releases["branches"][told]
+            self.checks.release(free, np.stack([items, limbs], axis=1), self.checks.world(None))
+            for k, release in zip(
+                np.flatnonzero(new).tolist(), free.releases[items, limbs], strict=True
+            ):
+                kept[keys[k]] = release.copy()
+        for k in np.flatnonzero(~known).tolist():
+            stances.releases[*todo[k]] = kept[keys[k]]
+        every = stances._replace(branch_sets=np.full_like(stances.branch_sets, ALL))
+        self.checks.release(every, todo, self.checks.world(self.obstacle_grid, obstacles_only=True))
 
     def branch_set_after_grasp(self, state: State, limb: int) -> int:
         """Return the branches and flips that a limb may be on after it has grasped."""

@@ -17,7 +17,6 @@ from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import StepTables
 from mlivr_gym.stances.table_steps import valid_actions
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
@@ -119,7 +118,7 @@ class GraphMoves:
 class TableMoves:
     """Moves from step tables."""
 
-    def __init__(self, graph: TwoLimbGraph, tables: StepTables) -> None:
+    def __init__(self, graph: StanceGraph, tables: StepTables) -> None:
         """Index the stances of the tables by their points."""
         self.graph, self.tables = graph, tables
         self._from_given_pose = GraphMoves(graph)

@@ -22,11 +22,14 @@ from mlivr_gym.compiled.limb_branch_sets import (
     WORD,
     each_keeps_one,
     has_bit,
+    packed,
     set_before,
     set_bit,
     supports_of,
+    unpacked,
 )
 from mlivr_gym.compiled.records import Record
+from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_table import NodeTable
 
 
@@ -83,6 +86,53 @@ def edge_ends(
     back: IntArray = table.offset[support_sets] + b * size + a
     limbs = table.limbs
     return (one // limbs, one % limbs), (other // limbs, other % limbs), back
+
+
+def every_edge(table: NodeTable) -> IntArray:
+    """Return the numbers of all edges of a table, ascending, shape (e,)."""
+    bits = np.unpackbits(table.joined.view(np.uint8), bitorder="little")
+    return np.flatnonzero(bits)
+
+
+def kept_by_table(table: NodeTable, edges: IntArray) -> NDArray[np.uint64]:
+    """Return the branches that supports keep by a table, as `supports_of`; 0 for no edge, (k,)."""
+    (before, i), (after, j), _ = edge_ends(table, edges)
+    kept = _shared(table, before, i) & _shared(table, after, j)
+    word, bit = edges // WORD, (edges % WORD).astype(np.uint64)
+    one, loses = np.uint64(1), table.loses_branches[word]
+    some = np.flatnonzero(loses >> bit & one)
+    rank = table.ranks[word] + np.bitwise_count(loses & ((one << bit) - one))
+    kept[some] &= ~table.lost[rank[some]]
+    kept[(table.joined[word] >> bit & one) == 0] = NO_BRANCHES
+    return kept
+
+
+def _shared(table: NodeTable, rows: IntArray, limb: IntArray) -> NDArray[np.uint64]:
+    """Return the branch sets of the supports of nodes if limbs move, as `supports_of`, (k,)."""
+    return packed(relabelled(unpacked(table.branch_sets[rows], table.limbs), limb + 1)[:, :-1])
+
+
+def with_kept(table: NodeTable, edges: IntArray, kept: NDArray[np.uint64]) -> NodeTable:
+    """Return a table whose edges, of ascending numbers, keep branches, as `supports_of`, (e,)."""
+    (before, i), (after, j), _ = edge_ends(table, edges)
+    lost = _shared(table, before, i) & _shared(table, after, j) & ~kept
+    lost[kept == NO_BRANCHES] = NO_BRANCHES
+    size = WORD * len(table.joined)
+    joined, loses_branches = np.zeros((2, size), dtype=np.uint8)
+    joined[edges[kept != NO_BRANCHES]] = 1
+    loses_branches[edges[lost != NO_BRANCHES]] = 1
+    bits, loses = (
+        np.packbits(one, bitorder="little").view(np.uint64) for one in (joined, loses_branches)
+    )
+    lost = lost[lost != NO_BRANCHES]
+    return table._replace(joined=bits, loses_branches=loses, ranks=_ranks(loses), lost=lost)
+
+
+def _ranks(loses_branches: NDArray[np.uint64]) -> NDArray[np.int32]:
+    """Return the number of bits set before each word, see `NodeTable.ranks`."""
+    counts = np.bitwise_count(loses_branches)
+    ranks: NDArray[np.int32] = np.cumsum(counts, dtype=np.int32) - counts
+    return ranks
 
 
 @kernel
@@ -172,11 +222,10 @@ def with_edges(table: NodeTable, known: EdgeSet) -> NodeTable:
     joined, loses_branches = (np.zeros(words, dtype=np.uint64) for _ in range(2))
     blank = table._replace(joined=joined, loses_branches=loses_branches)
     complete = _set_bits(blank, NodePair.before(table, 0), support_sets, known)
-    counts = np.bitwise_count(loses_branches)
-    if not complete or counts.sum() != 2 * len(known.lost):
+    count = int(np.bitwise_count(loses_branches).sum())
+    if not complete or count != 2 * len(known.lost):
         raise ValueError
-    ranks = np.cumsum(counts, dtype=np.int32) - counts
-    full = blank._replace(ranks=ranks, lost=np.empty(int(counts.sum()), dtype=np.uint64))
+    full = blank._replace(ranks=_ranks(loses_branches), lost=np.empty(count, dtype=np.uint64))
     _set_lost(full, NodePair.before(table, 0), support_sets, known)
     return full
 

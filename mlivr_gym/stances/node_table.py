@@ -1,11 +1,10 @@
-"""Table of the nodes and edges of a stance graph, as searches read it, for any number of limbs.
+"""Table of the nodes and edges of a stance graph, as searches read it, for two to four limbs.
 
-`two_limb_nodes` makes that of two limbs, `node_table_build` those of three and four. With four
-limbs that are alike a node stands for all cyclic relabellings of them, see `postures.relabelling`:
-limb 0 holds its lowest point. Each node has what the search needs before it checks an edge: the
-base position, the branches on which limbs may hold and be released, and the edges to other nodes
-with an upper bound of the branches kept along each. So a path is searched without computing
-postures, and every path of the graph is one over the table.
+With four limbs that are alike a node stands for all cyclic relabellings of them, see
+`postures.relabelling`: limb 0 holds its lowest point. Each node has what the search needs before it
+checks an edge: the base position, the branches on which limbs may hold and be released, and the
+edges to other nodes with an upper bound of the branches kept along each. So a path is searched
+without computing postures, and every path of the graph is one over the table.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
@@ -27,6 +27,16 @@ RESOLUTION = 1e-12
 ROUNDED = RESOLUTION
 """Largest distance of a base position of a table from the true one [m]: half a diagonal of the
 unit, and rounding."""
+
+
+EXACT = 2
+"""Largest number of limbs for which all stances of a map are listed, and each edge is checked; with
+more limbs there are too many, and tables have upper bounds."""
+
+
+def is_exact(limbs: int) -> bool:
+    """Return whether the tables of robots with some number of limbs are exact, see `EXACT`."""
+    return limbs <= EXACT
 
 
 class Nodes(NamedTuple):
@@ -56,7 +66,7 @@ class NodeTable(NamedTuple):
     points: NDArray[np.uint16]
     """Point index of each limb, with four that are alike the lowest first, shape (n, N)."""
     base_position: NDArray[np.float64]
-    """Base positions in the world [m], within `ROUNDED`, shape (n, 3)."""
+    """Base positions in the world [m], within `ROUNDED` if stances are not listed, shape (n, 3)."""
     branch_sets: NDArray[np.uint64]
     """Branches on which the limbs may hold, see `limb_branch_sets`, shape (n,)."""
     releasable: NDArray[np.uint64]
@@ -72,8 +82,8 @@ class NodeTable(NamedTuple):
     start: NDArray[np.int32]
     """Start of each support set in `members`, and the end of all, shape (r + 1,)."""
     members: NDArray[np.int32]
-    """Nodes by support set, `row * N + limb`, shape (start[-1],); with more than two limbs only if
-    the limb can be released."""
+    """Nodes by support set, `row * N + limb`, shape (start[-1],); only if the limb can be
+    released."""
     offset: IntArray
     """Start of each support set in the bits of `joined`, and the end of all, shape (r + 1,)."""
     joined: NDArray[np.uint64]
@@ -137,6 +147,29 @@ def codes(stances: NDArray[np.uint16] | IntArray) -> NDArray[np.uint64]:
     for column in stances.T:
         code = (code << np.uint64(16)) | column.astype(np.uint64)
     return code
+
+
+def longest_step(table: NodeTable) -> float:
+    """Return the largest base displacement between two nodes with a common support set [m]."""
+    longest = 0.0
+    for column in table.support_sets.T:
+        order = np.argsort(column, kind="stable")
+        for group in np.split(order, np.flatnonzero(np.diff(column[order])) + 1):
+            if len(group) > 1:
+                away = scipy.spatial.distance.pdist(table.base_position[group])
+                longest = max(longest, float(away.max()))
+    return longest
+
+
+def connected_parts(table: NodeTable) -> IntArray:
+    """Return the connected component of each node if all steps were possible, shape (n,)."""
+    n, limbs = table.points.shape
+    rows = np.repeat(np.arange(n), limbs)
+    sets = n + table.support_sets.ravel()
+    size = n + int(table.support_sets.max(initial=0)) + 1
+    pairs = scipy.sparse.coo_array((np.ones(len(rows)), (rows, sets)), shape=(size, size))
+    _, component = scipy.sparse.csgraph.connected_components(pairs, directed=False)
+    return np.asarray(component[:n])
 
 
 def table_of(nodes: Nodes, is_symmetric: bool) -> NodeTable:

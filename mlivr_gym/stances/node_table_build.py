@@ -1,4 +1,4 @@
-"""Build the table of nodes of three or four limbs."""
+"""Build the table of a stance graph."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.compiled.kernels import workers
 from mlivr_gym.compiled.limb_branch_sets import packed
+from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
-from mlivr_gym.stances.build import stance_graph
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.graph_table import GraphTable, ListedStances
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
     NodePair,
@@ -23,10 +23,12 @@ from mlivr_gym.stances.node_edges import (
     with_edges,
 )
 from mlivr_gym.stances.node_steps import node_stances
-from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, table_of
+from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, is_exact, table_of
 from mlivr_gym.stances.parts import Block, PartArrays, Parts, Progress
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_files import TableError
+from mlivr_gym.transitions.records import ReleaseRecord
 from mlivr_gym.world.grasp_map import GraspMap
 
 STANCES_AT_ONCE = 4000
@@ -40,36 +42,74 @@ World = tuple[GraspMap, RobotSpec, Settings]
 
 
 def build(
-    graph: ImplicitGraph, progress: Progress | None = None, parts: Parts | None = None
-) -> NodeTable:
-    """Compute all nodes that hold one of the sets of points, and the steps between them.
+    graph: StanceGraph, progress: Progress | None = None, parts: Parts | None = None
+) -> GraphTable:
+    """Compute all nodes of a graph and the steps between them.
 
-    Raises a `TableError` if the robot has not three or four limbs, or the map too many points; if
-    steps are not checked, or there are obstacles or occupied points.
+    Raises a `TableError` if the robot has more than four limbs, or the map too many points, or if
+    there are obstacles or occupied points; with three and four limbs if steps are not checked.
     """
-    sets = sets_of(graph)
-    world = graph.grasp_map, graph.robot, graph.settings
-    each, parts = STANCES_AT_ONCE // len(_orders(graph.robot)), parts or Parts(None)
-    sets_of_blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
-    threads = workers(len(sets_of_blocks), 2)
+    world, parts = (graph.grasp_map, graph.robot, graph.settings), parts or Parts(None)
+    listed = None
     half = progress and (lambda share: progress(share / 2.0))
-    found = parts.of_blocks(nodes_of_sets, sets_of_blocks, (world,), threads, half)
+    if graph.lists_all:
+        listed, table = _with_releases(graph, parts)
+    else:
+        table = _nodes(graph, world, parts, half)
+    half = progress and (lambda share: progress(0.5 + share / 2.0))
+    blocks = _support_set_blocks(table)
+    threads = workers(len(blocks), 2)
+    steps = parts.of_blocks(joined, blocks, (world, table), threads, half)
+    nodes = with_edges(table, EdgeSet(*map(np.concatenate, zip(*steps, strict=True))))
+    return GraphTable(nodes, listed is not None, listed)
+
+
+def _with_releases(graph: StanceGraph, parts: Parts) -> tuple[ListedStances, NodeTable]:
+    """Return the listed stances of a graph with their releases, and their table without edges."""
+    _check_empty(graph)
+    known, points = graph.listed, graph.points
+    (releases,) = parts.get("released", lambda: [graph.all_releases(points, known.postures)])
+    releases = np.asarray(releases).view(ReleaseRecord.dtype)
+    return known._replace(releases=releases), table_of_listed(
+        points, known.postures, releases["branches"], releases["folds"]
+    )
+
+
+def table_of_listed(
+    points: IntArray, postures: Postures, releasable: IntArray, folds: IntArray
+) -> NodeTable:
+    """Return the table of listed stances, shape (n, N), without edges."""
+    nodes = Nodes(
+        points, postures.base_position, postures.branch_sets, releasable, folds,
+        postures.pose_number,
+    )  # fmt: skip
+    return table_of(nodes, is_symmetric=False)
+
+
+def _nodes(graph: StanceGraph, world: World, parts: Parts, progress: Progress | None) -> NodeTable:
+    """Compute all nodes that hold one of the sets of points; return their table without edges."""
+    sets = sets_of(graph)
+    each = STANCES_AT_ONCE // len(_orders(graph.robot))
+    blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
+    threads = workers(len(blocks), 2)
+    found = parts.of_blocks(nodes_of_sets, blocks, (world,), threads, progress)
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
     order = np.argsort(codes(columns[0]))
     nodes = Nodes(*(one[order] for one in columns))
-    table = table_of(nodes, is_symmetric_after_relabelling(graph.robot))
-    half = progress and (lambda share: progress(0.5 + share / 2.0))
-    steps = parts.of_blocks(joined, _support_set_blocks(table), (world, table), threads, half)
-    return with_edges(table, EdgeSet(*map(np.concatenate, zip(*steps, strict=True))))
+    return table_of(nodes, is_symmetric_after_relabelling(graph.robot))
 
 
-def sets_of(graph: ImplicitGraph) -> StanceSets:
+def _check_empty(graph: StanceGraph) -> None:
+    """Check that there are no obstacles and no occupied points; a `TableError` otherwise."""
+    if graph.obstacles or graph.occupied:
+        raise TableError("a table is built without obstacles and occupied points; clear them")
+
+
+def sets_of(graph: StanceGraph) -> StanceSets:
     """Return the sets of points that nodes of a graph hold; a `TableError` as in `build`."""
-    if not graph.settings.transitions or graph.obstacles or graph.occupied:
-        raise TableError(
-            "a table of nodes is built where steps are checked, without obstacles and occupied "
-            "points: set transitions=True, or clear them"
-        )
+    _check_empty(graph)
+    if not graph.settings.transitions:
+        raise TableError("a table of three or four limbs needs transitions=True: steps are checked")
     sets = graph.sets()
     if sets is None:
         raise TableError(
@@ -114,39 +154,42 @@ def _support_set_blocks(table: NodeTable) -> list[Block]:
 
 
 def joined(first: int, last: int, world: World, table: NodeTable) -> PartArrays:
-    """Compute the branches that steps keep at most for the pairs of some support sets."""
+    """Compute the branches that steps keep for the pairs of some support sets, see `is_exact`."""
     before = NodePair.before(table, first)
     pairs = np.empty((count_node_pairs(table, before.copy(), last), 2), dtype=np.int64)
     list_node_pairs(table, before, last, pairs)
     begin, end = table.start[first], table.start[last]
     members = table.members[begin:end].astype(np.int64)
-    return kept_at_most(_graph(world), table, members, pairs - begin)
+    return kept_on_pairs(_graph(world), table, members, pairs - begin)
 
 
-def kept_at_most(
-    graph: ImplicitGraph, table: NodeTable, members: IntArray, pairs: IntArray
+def kept_on_pairs(
+    graph: StanceGraph, table: NodeTable, members: IntArray, pairs: IntArray
 ) -> EdgeSet:
-    """Compute the branches that steps between pairs of members, shape (p, 2), keep at most.
+    """Compute the branches that steps between pairs of members, shape (p, 2), keep.
 
-    They are the same on the step back, see `relaxed_steps`.
+    With more limbs than `EXACT` they are what is kept at most, see `relaxed_steps`. They are the
+    same on the step back.
     """
     rows, moved = np.divmod(members, graph.limbs)
     relabellings = moved if is_symmetric_after_relabelling(graph.robot) else np.zeros_like(moved)
     stances = node_stances(graph.grasp_map, graph.robot, table, rows, relabellings)
     branch_sets, (one, other) = stances.branch_sets, pairs.T
     first = (moved - relabellings + 1)[one]  # the limb after the swing limb
-    steps = graph.checks.steps(stances, one, other)
-    graph.checks.relax(steps, stances, graph.checks.world(None))
-    of_supports = relabelled(steps["kept"][:, : graph.limbs], first)[:, :-1]
+    shared = branch_sets[one] & branch_sets[other]
+    if graph.settings.transitions:
+        steps, world = graph.checks.steps(stances, one, other), graph.checks.world(None)
+        work = graph.checks.check if is_exact(graph.limbs) else graph.checks.relax
+        work(steps, stances, world)
+        kept_by_limbs = steps["kept"][:, : graph.limbs]
+    else:
+        kept_by_limbs = shared
+    of_supports = relabelled(kept_by_limbs, first)[:, :-1]
     kept = packed(of_supports)
     kept[~of_supports.all(axis=1)] = 0
-    return EdgeSet.of(
-        packed(relabelled(branch_sets[one] & branch_sets[other], first)[:, :-1]), kept
-    )
+    return EdgeSet.of(packed(relabelled(shared, first)[:, :-1]), kept)
 
 
-def _graph(world: World) -> ImplicitGraph:
+def _graph(world: World) -> StanceGraph:
     """Return an empty graph, since what graphs store takes memory."""
-    graph = stance_graph(*world)
-    assert isinstance(graph, ImplicitGraph)
-    return graph
+    return StanceGraph(*world)

@@ -255,18 +255,15 @@ class ChangingWorld(Locked, ABC):
         self.obstacles, self.occupied = boxes, frozenset(occupied)
         self.version += 1
         self._last_removal = self._last_removal if is_more else self.version
-        self._obstacles_changed(boxes[before:] if is_more else None)
+        self._world_changed()
 
     def has_all_since(self, version: int) -> bool:
         """Return whether all obstacles and occupied points of a version are still there."""
         return self._last_removal <= version
 
     @abstractmethod
-    def _obstacles_changed(self, added: tuple[Box, ...] | None) -> None:
-        """Forget results that are no longer valid.
-
-        `added` are the new obstacles, or None if an obstacle was removed or a point vacated.
-        """
+    def _world_changed(self) -> None:
+        """Forget results that are no longer valid."""
 
     def close_to_obstacles(
         self, positions: PositionCells, reach: float, grid: BoxGrid | None = None

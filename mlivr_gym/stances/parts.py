@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
 from mlivr_gym.files import FileError, write_whole
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.table_files import key_of
 
 PartArrays = Sequence[NDArray[Any]]
@@ -40,7 +40,7 @@ class Parts:
         self.folder = folder
 
     @classmethod
-    def of(cls, graph: StanceGraph, source: str) -> Parts:
+    def of(cls, graph: CheckedSteps, source: str) -> Parts:
         """Return the parts of the table of a graph in the cache folder.
 
         A digest of the source file that computes them is part of the folder's name.

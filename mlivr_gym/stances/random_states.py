@@ -9,7 +9,6 @@ import numpy as np
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
 from mlivr_gym.transitions.state import State
 from mlivr_gym.values import MIN_SIZE
 from mlivr_gym.world.grasp_map import GraspMap
@@ -47,7 +46,7 @@ def random_stance(graph: StanceGraph, rng: Randomness) -> State | None:
 
     It is drawn from all stances or, if these are not known, from a batch around a random point.
     """
-    if isinstance(graph, TwoLimbGraph):
+    if graph.lists_all:
         stance = graph.points[int(rng.integers(len(graph)))].tolist()
     else:
         first = int(rng.integers(len(graph.grasp_map)))

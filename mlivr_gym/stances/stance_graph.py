@@ -1,13 +1,12 @@
 """The stance graph: the stances that a robot can hold on a map, and the steps between them.
 
-`build.stance_graph` makes one: for two limbs a `TwoLimbGraph`, which holds all stances; for more
-limbs an `ImplicitGraph`, which computes them on demand.
+`build.stance_graph` makes one, for any number of limbs. That of two limbs lists all its stances;
+with more limbs nodes are computed on demand, or read from a table that ships or was built.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -16,9 +15,11 @@ import numpy as np
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.distances import CABIN, HANDRAIL, OBSTACLE, SELF, UNDECIDED
-from mlivr_gym.errors import RobotError, StanceError, shortened
+from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
+from mlivr_gym.errors import StanceError
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import quaternion
+from mlivr_gym.postures.base_poses import OPPOSED_HEIGHTS, bases_at
 from mlivr_gym.postures.given_pose import (
     branch_sets_of_joints,
     given_joints,
@@ -27,17 +28,20 @@ from mlivr_gym.postures.given_pose import (
     rotation_of,
 )
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.solver import PostureSolver
-from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import FieldPath, ListOf, Numbers
-from mlivr_gym.settings import Settings
-from mlivr_gym.stances.checked_steps import CheckedSteps, at_once, join
-from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.point_pairs import check_distances, nearest_told, pairs_within
-from mlivr_gym.transitions.state import State, Successors, check_integers, check_state
+from mlivr_gym.postures.relabelling import relabelled
+from mlivr_gym.schema import ListOf, Numbers
+from mlivr_gym.sharing import unlocked
+from mlivr_gym.stances.checked_steps import Pieces, at_once, join
+from mlivr_gym.stances.node_steps import candidate_steps
+from mlivr_gym.stances.node_table import longest_step
+from mlivr_gym.stances.parts import Progress
+from mlivr_gym.stances.stance_postures import StancePostures
+from mlivr_gym.stances.stance_sets import StanceSets
+from mlivr_gym.stances.table_file import TABLES
+from mlivr_gym.transitions.rule import can_release
+from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.values import MAX_POINTS
 from mlivr_gym.world.given_points import STANCE
-from mlivr_gym.world.grasp_map import GraspMap
 
 TOUCHED = {
     UNDECIDED: "something",
@@ -53,131 +57,24 @@ STATES = ListOf(InstanceOf(State), 1, MAX_POINTS)
 """Validator of some states."""
 
 
-class StanceGraph(CheckedSteps):
+class StanceGraph(StancePostures):
     """Stances and steps of one robot on one map under one set of thresholds."""
 
-    solver_class: type[PostureSolver] = PostureSolver
-    """Class of the posture solver."""
-    table: NodeTable | None = None
-    """Node table of the graph without obstacles and occupied points; None if there is none."""
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Copy what the graph is made of, its world, and a table that no file has."""
+        kind, made_of, world = super().__reduce__()
+        found = None if self.graph_table is None else TABLES.find(self)
+        is_stored = found is not None and found[0] is not None
+        return kind, made_of, (*world, is_stored, None if is_stored else self.graph_table)
 
-    @checked()
-    def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
-        """Prepare the solver."""
-        super().__init__(grasp_map, robot, settings, self.solver_class(grasp_map, robot, settings))
-        self.limb_threshold, self.base_threshold = settings.thresholds(robot.limbs)
+    def __setstate__(self, world: tuple[Any, ...]) -> None:
+        """Take a world, and a table that is given or stored."""
+        *rest, is_stored, table = world
+        super().__setstate__(tuple(rest))
+        found = TABLES.find(self) if is_stored else None
+        self.graph_table = found[1] if found else table
 
-    @cached_property
-    def pairs(self) -> IntArray:
-        """Ordered pairs of points that may be held at once, shape (p, 2).
-
-        Raises a `RobotError` if there is none.
-        """
-        grasp_map, robot = self.grasp_map, self.robot
-        positions, pairs = grasp_map.positions, pairs_within(grasp_map, robot.span)
-        distance = np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
-        pairs = pairs[distance >= robot.grasp_separation - 1e-9]
-        if not len(pairs):
-            raise RobotError(
-                f"robot {robot.name!r} cannot hold any stance on map {grasp_map.name!r}: no two of "
-                f"its points are between {robot.grasp_separation:g} m and {robot.span:g} m apart"
-                f"{nearest_told(grasp_map, robot.span)}"
-            )
-        both = np.concatenate([pairs, pairs[:, ::-1]])
-        ordered: IntArray = both[np.lexsort((both[:, 1], both[:, 0]))]
-        return ordered
-
-    @cached_property
-    def partner_start(self) -> IntArray:
-        """First pair of each point, and the end of all, shape (m + 1,)."""
-        start: IntArray = np.searchsorted(self.pairs[:, 0], np.arange(len(self.grasp_map) + 1))
-        return start
-
-    @cached_property
-    def compatible(self) -> BoolArray:
-        """Which points two limbs may hold at once, shape (m, m)."""
-        compatible = np.zeros((len(self.grasp_map),) * 2, dtype=np.bool_)
-        compatible[tuple(self.pairs.T)] = True
-        return compatible
-
-    def partners(self, point: int) -> IntArray:
-        """Return the points that may be held at once with `point`."""
-        first = self.grasp_map.index(point)
-        return self.pairs[self.partner_start[first] : self.partner_start[first + 1], 1]
-
-    def indices(self, stance: Sequence[str | int]) -> tuple[int, ...]:
-        """Return the point indices of a stance given by ids or indices.
-
-        Raises a `StanceError` if the number of points, an id, or the distance of two points is not
-        valid.
-        """
-        named = STANCE.read(stance, FieldPath("stance", StanceError))
-        if len(named) != self.limbs:
-            raise StanceError(
-                f"stance {shortened(stance)} must name {self.limbs} points, one for each limb of "
-                f"{self.robot.name!r}"
-            )
-        points = tuple(self.grasp_map.index(point) for point in named)
-        check_distances(self.grasp_map, self.robot, points)
-        return points
-
-    def ids(self, stance: Sequence[int]) -> tuple[str, ...]:
-        """Return the point ids of a stance."""
-        named = STANCE.read(stance, FieldPath("stance", StanceError))
-        return tuple(self.grasp_map.ids[self.grasp_map.index(point)] for point in named)
-
-    def postures(self, stances: IntArray) -> Postures:
-        """Return the postures of stances, shape (k, N), feasible or not.
-
-        Stances that touch an obstacle or hold an occupied point cannot be held. Raises a
-        `StanceError` if they are not rows of N point indices.
-        """
-        rows = self.rows_of_points(stances)
-        return self.among_obstacles(rows, self.solver.solve(rows))
-
-    def nodes(self, stances: IntArray) -> Postures:
-        """Return postures as `postures` does, but only empty branch sets for what is no node."""
-        rows = self.rows_of_points(stances)
-        return self.among_obstacles(rows, self.solver.solve(rows, nodes_only=True))
-
-    def rows_of_points(self, stances: Any) -> IntArray:
-        """Check that stances are rows of point indices, see `postures`, and return them, (k, N)."""
-        m = len(self.grasp_map)
-        try:
-            rows = np.asarray(stances)
-        except ValueError:  # rows of different lengths
-            rows = np.zeros(0)
-        inside = rows.dtype.kind in "iu" and rows.shape[1:] == (self.limbs,)
-        if not inside or not ((rows >= 0) & (rows < m)).all():
-            raise StanceError(
-                f"stances {shortened(stances)} must be rows of {self.limbs} point indices "
-                f"from 0 to {m - 1}"
-            )
-        return rows.astype(np.int64)
-
-    def check(self, state: State) -> None:
-        """Check that a state is one of this map.
-
-        Raises a `StanceError` if its stance or branch sets are not numbers of points and branches,
-        and a `SettingError` if its base pose is not valid.
-        """
-        check_state(state, self.limbs, len(self.grasp_map))
-        if state.pose is not None:
-            given_pose(state.pose)
-
-    def check_stance(self, stance: Sequence[int]) -> None:
-        """Check that a stance has a point index for each limb, see `check`."""
-        check_integers(stance, self.limbs, len(self.grasp_map) - 1, "stance")
-
-    def posture(self, stance: Sequence[int]) -> Postures:
-        """Return the posture of a stance given by point indices; arrays have a leading 1."""
-        self.check_stance(stance)
-        return self.postures(np.array([stance], dtype=np.int64))
-
-    def is_node(self, postures: Postures) -> BoolArray:
-        """Return which stances are nodes of the graph, given by their postures, shape (k,)."""
-        node: BoolArray = np.all(postures.branch_sets > 0, axis=1)
-        return node
+    _sets: StanceSets | None = None
 
     def posture_of(self, state: State) -> Postures:
         """Return the posture of a state: that of its stance, or the pose that a user gave."""
@@ -211,21 +108,6 @@ class StanceGraph(CheckedSteps):
         """Return the posture of a stance at a given base pose, see `postures_at`."""
         where = np.array([pose[:3]]), rotation_of(pose)[None]
         return self.postures_at(np.array([points], dtype=np.int64), *where)
-
-    def postures_at(
-        self,
-        stances: IntArray,
-        positions: Array,
-        rotations: Array,
-        thresholds: tuple[float, float] = (0.0, 0.0),
-    ) -> Postures:
-        """Return postures at given base poses, among obstacles and occupied points.
-
-        Stances have shape (k, N), base positions in the world shape (k, 3) [m], base rotations
-        shape (k, 3, 3); the thresholds are those of `w_m` and `w_b`.
-        """
-        postures = self.solver.at(stances, positions, rotations, thresholds=thresholds)
-        return self.among_obstacles(stances, postures)
 
     def state(self, stance: Sequence[str | int], pose: Any = None, joints: Any = None) -> State:
         """Return the state of a robot that holds a stance.
@@ -275,6 +157,8 @@ class StanceGraph(CheckedSteps):
             return f"point {taken[0]!r} is occupied"
         if pose is not None:
             return given_pose_fault(self.solver, points, posture, self.obstacles)
+        if self.obstacles and self.is_node(self.solver.solve(np.array([points]), nodes_only=True)):
+            return f"its posture touches {TOUCHED[OBSTACLE]}"
         cause = int(posture.cause[0])
         if cause:
             return f"every posture that meets the thresholds touches {TOUCHED[cause]}"
@@ -332,15 +216,40 @@ class StanceGraph(CheckedSteps):
         found = self.branch_sets_after([state], here, first, np.array([stance]), there)[0]
         return State(stance, tuple(found.tolist())) if found.all() else None
 
-    def successors(self, state: State) -> Successors:
-        """Return all steps that leave a state."""
-        self.check(state)
-        return self.successors_by_pieces(state, at_once)
-
     @checked(late=True)
     def step_to(self, state: State, after: tuple[int, ...]) -> State | None:
         """Return the state after the step to a stance, None without such a step."""
         return next(iter(self.states_along(state, [after])[1:]), None)
+
+    def successors(self, state: State) -> Successors:
+        """Return all steps that leave a state."""
+        self.check(state)
+        row, relabelling = (-1, 0) if state.pose is not None else self._row(state.stance)
+        if row < 0 or self.table is None:
+            return self.successors_by_pieces(state, at_once)
+        moves = candidate_steps(self.present.table, row, -relabelling)
+        points = relabelled(self.table.points[moves.rows].astype(np.int64), moves.relabellings)
+        vacant = ~np.isin(points, list(self.occupied)).any(axis=1)
+        vacant &= self.occupied.isdisjoint(state.stance)
+        after = self._branch_sets_along(state, relabelling, moves.edges[vacant])
+        after = relabelled(after, moves.relabellings[vacant])
+        kept = after.all(axis=1)
+        rows, points, limb = (one[vacant][kept] for one in (moves.rows, points, moves.limb))
+        base = self.table.base_position[rows]
+        if not self.lists_all:  # positions of other tables are rounded
+            stances = self.table.points[rows].astype(np.int64)
+            pose_number = self.table.pose_number[rows].astype(np.int64)
+            base, _ = bases_at(self.grasp_map, self.robot, stances, pose_number)
+        return Successors(limb, points[np.arange(len(limb)), limb], base, after[kept])
+
+    def _branch_sets_along(self, state: State, relabelling: int, edges: IntArray) -> IntArray:
+        """Return branch sets after edges of the table that leave a state, (k, N); 0 for no step.
+
+        The relabelling is that of the state to its node; the result is labelled as the table is.
+        """
+        present, before = self.present, np.array([state.branch_sets], dtype=np.int64)
+        sets = np.repeat(packed(relabelled(before, np.array([relabelling]))), len(edges))
+        return unpacked(present.branch_sets_after(edges, sets, present.kept(edges)), self.limbs)
 
     @checked(late=True)
     def states_along(self, state: State, stances: Sequence[tuple[int, ...]]) -> tuple[State, ...]:
@@ -349,39 +258,129 @@ class StanceGraph(CheckedSteps):
         There are fewer than k + 1 states for k stances if one of them cannot be held, or no step
         leads to it from the one before.
         """
+        self.check(state)
+        states = [state]
         for stance in stances:
             self.check_stance(stance)
-        here, states = self.posture_of(state), [state]
-        points = np.array([state.stance, *stances], dtype=np.int64)
-        postures = join(here, self.postures(points[1:])) if len(stances) else here
-        moves, node = points[1:] != points[:-1], self.is_node(postures)
-        able = (moves.sum(axis=1) == 1) & node[:-1] & node[1:]
-        count = len(able) if able.all() else int(np.argmin(able))
-        known, rows, limb = self.checks.stances(points, postures), np.arange(count), moves.argmax(1)
-        if self.settings.transitions and self.settings.collisions:
-            ends = np.stack([np.append(rows, rows + 1), np.tile(limb[:count], 2)], axis=1)
-            self._check_releases(known, np.unique(ends, axis=0))
-        for k in rows.tolist():
-            found = postures.branch_sets[k + 1]
-            if self.settings.transitions:
-                before, branch_sets = rows[k : k + 1], np.array([states[-1].branch_sets])
-                step = self.checks.steps(known, before, before + 1)
-                found = self.branch_sets_of_steps(step, known, branch_sets)[0]
-            if not found.all():
+            after = self._state_after(states[-1], tuple(stance))
+            if after is None:
                 break
-            states.append(State(stances[k], tuple(found.tolist())))
+            states.append(after)
         return tuple(states)
+
+    def _state_after(self, state: State, after: tuple[int, ...]) -> State | None:
+        """Return the state after the step to a stance, None without such a step."""
+        moves = np.array(after) != state.stance
+        if moves.sum() != 1 or not self.occupied.isdisjoint((*state.stance, *after)):
+            return None
+        limb, (row, relabelling) = int(moves.argmax()), self._row(state.stance)
+        if state.pose is not None or row < 0 or self.table is None:
+            return self.state_after(state, after, join(self.posture_of(state), self.posture(after)))
+        steps = candidate_steps(self.present.table, row, -relabelling)
+        points = relabelled(self.table.points[steps.rows].astype(np.int64), steps.relabellings)
+        there = np.flatnonzero((steps.limb == limb) & (points[:, limb] == after[limb]))
+        found = self._branch_sets_along(state, relabelling, steps.edges[there])
+        found = relabelled(found, steps.relabellings[there])
+        return State(after, tuple(found[0].tolist())) if found.all(axis=1).any() else None
 
     @checked(late=True)
     def releasable_after(self, state: State, steps: Successors) -> BoolArray:
         """Return whether a support limb could be released after each step, shape (k,).
 
-        It is assumed for more than two limbs, whose releases take long to compute.
+        It is assumed if not all stances are listed, since releases take long to compute.
         """
         self.check(state)
-        return np.ones(len(steps.limb), dtype=np.bool_)
+        if not self.lists_all or not self.settings.transitions:
+            return np.ones(len(steps.limb), dtype=np.bool_)
+        stances = steps.stances(state)
+        able = self.all_releases(stances, self.postures(stances))["branches"] & steps.branch_sets
+        able[np.arange(len(stances)), steps.limb] = 0
+        return np.asarray(able.any(axis=1))
+
+    def neighbouring_nodes(
+        self, stance: tuple[int, ...], pieces: Pieces = at_once
+    ) -> tuple[IntArray, Postures]:
+        """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        self.check_stance(stance)
+        stances = self._neighbouring(stance, range(self.limbs))
+        found = [self.nodes(stances[piece]) for piece in pieces("postures", len(stances))]
+        postures = join(self.nodes(stances[:0]), *found)
+        node = self.is_node(postures)
+        return stances[node], postures.take(node)
+
+    def neighbours(self, state: State, posture: Postures) -> IntArray:
+        """Return the stances one step from a state by limbs that can be released, (k, N).
+
+        Neither their postures nor the steps to them are checked.
+        """
+        able = [
+            limb
+            for limb in range(self.limbs)
+            if not self.settings.transitions
+            or can_release(
+                state.branch_sets[limb], self.releasable_branches(state.stance, posture, limb)
+            )
+        ]
+        return self._neighbouring(state.stance, able)
+
+    def _neighbouring(self, stance: tuple[int, ...], limbs: Iterable[int]) -> IntArray:
+        """Return the stances after moves of some limbs to points that their others allow, (k, N).
+
+        Stances that are no nodes by the table, or by the sets of points, are omitted.
+        """
+        after = [np.zeros((0, self.limbs), dtype=np.int64)]
+        for limb in limbs:
+            others = [point for i, point in enumerate(stance) if i != limb]
+            able = np.flatnonzero(self.compatible[others].all(axis=0))
+            able = able[able != stance[limb]]
+            after.append(np.tile(np.array(stance, dtype=np.int64), (len(able), 1)))
+            after[-1][:, limb] = able
+        stances = np.concatenate(after)
+        if self.table is not None:
+            kept = self.table.find(stances, self.robot)[0] >= 0
+        else:
+            sets = self.sets(build=False) if self.searches_sets else None
+            kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0
+        return np.asarray(stances[kept])
+
+    def likely_base(self, stances: IntArray) -> Array:
+        """Return a likely base position at stances, shape (k, N) -> (k, 3) [m].
+
+        It lies above the centroid of the grasps at the mean height; the posture may have another.
+        """
+        positions, normals = self.grasp_map.positions[stances], self.grasp_map.normals[stances]
+        height = float(np.mean(self.robot.heights))
+        likely: Array = positions.mean(axis=1) + height * normals.mean(axis=1)
+        return likely
+
+    @unlocked  # a thread computes them while a planner, which has the lock, waits for it
+    def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
+        """Return the sets of points that limbs may hold at once, see `StanceSets.of`."""
+        if self._sets is None:
+            self._sets = StanceSets.of(self, progress, build=build)
+        return self._sets
 
     @property
-    @abstractmethod
+    def searches_sets(self) -> bool:
+        """Whether searches without a node table use stance sets.
+
+        With four limbs these take longer to compute than a search gains by them.
+        """
+        return self.limbs == 3
+
+    @cached_property
     def max_displacement(self) -> float:
-        """An upper bound of the base displacement of one step [m]."""
+        """An upper bound of the base displacement of one step [m].
+
+        If all stances are listed, it is the largest one of two that share all points but one.
+        Otherwise: the supports stay where they are, and each is within reach of the base before and
+        after. Also the centroid of the grasps moves at most `2 span / N`, and the base is at most
+        the largest height from it.
+        """
+        if self.lists_all:
+            assert self.table is not None
+            return max(longest_step(self.table), 1e-9)
+        robot = self.robot
+        height = max(max(map(abs, robot.heights)), max(OPPOSED_HEIGHTS))
+        by_reach = 2.0 * robot.reach
+        return min(by_reach, 2.0 * robot.span / self.limbs + 2.0 * height)

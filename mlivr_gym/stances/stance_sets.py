@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry
 from mlivr_gym.postures import reach
+from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.node_table import codes
 from mlivr_gym.stances.parts import Progress
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.stance_postures import StancePostures
 from mlivr_gym.stances.table_files import Arrays, TableFiles, check_arrays
 
 LARGEST_SET = 4
@@ -64,7 +65,7 @@ class StanceSets:
 
     @classmethod
     def of(
-        cls, graph: StanceGraph, progress: Progress | None = None, *, build: bool = True
+        cls, graph: StancePostures, progress: Progress | None = None, *, build: bool = True
     ) -> StanceSets | None:
         """Return the sets of a graph from memory or from the cache folder, or compute them.
 
@@ -83,7 +84,7 @@ class StanceSets:
         return sets
 
 
-def _computed(graph: StanceGraph, progress: Progress | None) -> StanceSets | None:
+def _computed(graph: StancePostures, progress: Progress | None) -> StanceSets | None:
     """Compute the sets of a graph; None if there are too many."""
     limbs, compatible = graph.limbs, graph.compatible.copy()
     touching = graph.solver.point_cause > 0
@@ -149,7 +150,7 @@ def sets_from(compatible: BoolArray, a: int, out: IntArray) -> None:
                                 n += 1
 
 
-def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
+def _encode(_: CheckedSteps, sets: StanceSets) -> Arrays:
     """Return sets in the arrays of a file."""
     return {
         "points": sets.points,
@@ -158,7 +159,7 @@ def _encode(_: StanceGraph, sets: StanceSets) -> Arrays:
     }
 
 
-def _decode(graph: StanceGraph, arrays: Arrays) -> StanceSets:
+def _decode(graph: CheckedSteps, arrays: Arrays) -> StanceSets:
     """Check the arrays of a file and return its sets."""
     points, support_sets, count = (
         arrays[name].copy() for name in ("points", "supports", "support_count")

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
-from mlivr_gym.errors import SettingError
+from mlivr_gym.compiled.limb_branch_sets import unpacked
 from mlivr_gym.sharing import locked
+from mlivr_gym.stances.node_edges import edge_ends, every_edge, kept_by_table
+from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_build import build_table, fill_rows
+from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.table_steps import steps_of_state
-from mlivr_gym.stances.two_limb_graph import TwoLimbGraph
-from mlivr_gym.stances.two_limb_steps import gather_steps
 from mlivr_gym.transitions.rule import kept_on_edge
 from mlivr_gym.transitions.state import State, Successors
 
@@ -53,7 +53,7 @@ class StepTables(NamedTuple):
         return (grasped, kept) if limb == 0 else (kept, grasped)
 
     def successors(self, s: int, branch_sets: tuple[int, ...]) -> Successors:
-        """Return the steps that leave a state of stance `s`, as `TwoLimbGraph.successors` does."""
+        """Return the steps that leave a state of stance `s`, as `StanceGraph.successors` does."""
         most = int(self.start[2 * s + 2] - self.start[2 * s])
         steps, kept = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
         first, count = steps_of_state(s, (branch_sets[0], branch_sets[1]), self, steps, kept)
@@ -67,7 +67,7 @@ class StepTables(NamedTuple):
         )
 
 
-_on_all_points: WeakKeyDictionary[TwoLimbGraph, StepTables] = WeakKeyDictionary()
+_on_all_points: WeakKeyDictionary[StanceGraph, StepTables] = WeakKeyDictionary()
 """Steps of graphs without obstacles and occupied points."""
 
 
@@ -78,36 +78,37 @@ def step_tables(graph: StanceGraph) -> StepTables:
     Steps that are not known are checked, and stored in the cache folder, see `table_build`.
     Raises a `SettingError` if the robot has more than two limbs.
     """
-    if not isinstance(graph, TwoLimbGraph):
-        raise SettingError(
-            f"exact tables need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
-        )
+    assert graph.listed is not None
     known = None if graph.obstacles else _on_all_points.get(graph)
-    if known is not None:
-        occupied = np.zeros(len(graph.grasp_map), dtype=np.bool_)
-        occupied[list(graph.occupied)] = True
-        return without_points(known, occupied) if graph.occupied else known
-    if graph.obstacles or graph.occupied:
-        fill_rows(graph)
-    elif not graph.is_complete:
-        build_table(graph)
-    start = np.zeros(2 * len(graph) + 1, dtype=np.int64)
-    most = int((graph.steps.degree**2).sum())
-    after, kept = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.uint16)
-    gather_steps(graph.steps, start, after, kept)
-    after, kept = after[: start[-1]].copy(), kept[: start[-1]].copy()
+    occupied = np.zeros(len(graph.grasp_map), dtype=np.bool_)
+    occupied[list(graph.occupied)] = True
+    if known is None:
+        if not (graph.obstacles or graph.occupied or graph.is_complete):
+            build_table(graph)
+        known = _gathered(graph.present.completed(), graph.base_position)
+        if not (graph.obstacles or graph.occupied):
+            _on_all_points[graph] = known
+    return without_points(known, occupied) if graph.occupied else known
+
+
+def _gathered(table: NodeTable, base_position: Array) -> StepTables:
+    """Return the steps of a complete table of two limbs."""
+    edges = every_edge(table)
+    (before, moving), (after, _), _ = edge_ends(table, edges)
+    kept, points = kept_by_table(table, edges), table.points.astype(np.int32)
+    able = unpacked(table.branch_sets[after], 2)[np.arange(len(edges)), moving] != 0
+    order = np.lexsort((points[after, moving], moving, before))
+    order = order[(kept[order] != 0) & able[order]]
+    counts = np.bincount(2 * before[order] + moving[order], minlength=2 * len(points))
+    start = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(counts)])
     branch_sets, releasable = (
-        one.astype(np.int32) for one in (graph.branch_sets, graph.releasable)
+        unpacked(one, 2).astype(np.int32) for one in (table.branch_sets, table.releasable)
     )
-    points = graph.points.astype(np.int32)
-    moving = np.repeat(np.tile([0, 1], len(points)), np.diff(start))
-    to_point = points[after, moving].astype(np.uint16)
-    found = StepTables(
-        points, graph.base_position, branch_sets, releasable, start, after, to_point, kept
-    )
-    if not (graph.obstacles or graph.occupied):
-        _on_all_points[graph] = found
-    return found
+    after, moving = after[order], moving[order]
+    return StepTables(
+        points, base_position, branch_sets, releasable, start, after.astype(np.int32),
+        points[after, moving].astype(np.uint16), kept[order].astype(np.uint16),
+    )  # fmt: skip
 
 
 def without_points(tables: StepTables, occupied: BoolArray) -> StepTables:

@@ -1,10 +1,9 @@
 """Files of tables: the named arrays of one stance graph in a NumPy archive (`.npz`).
 
-A table of two limbs and one of three or four differ only in their arrays. An archive is a zip
-file, in which each array has a CRC-32 that reading compares. To be shipped, it is compressed; to be
-used without being read, its arrays are stored as they are and mapped into memory: they are compared
-once, and again when size or time of the file differ. Its head, a JSON text, names format, graph
-rules, robot, map and settings, so that no other graph uses the table.
+An archive is a zip file, in which each array has a CRC-32 that reading compares. To be shipped, it
+is compressed; to be used without being read, its arrays are stored as they are and mapped into
+memory: they are compared once, and again when size or time of the file differ. Its head, a JSON
+text, names format, graph rules, robot, map and settings, so that no other graph uses the table.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.settings import GRAPH_RULES
-from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.stances.checked_steps import CheckedSteps
 
 HEAD = "head.json"
 """Name of the head in the archive."""
@@ -81,9 +80,9 @@ class TableFiles(Generic[Table]):
     """Version of the format of these files."""
     compression: int
     """Compression of the files that are shipped, one of `zipfile`."""
-    encode: Callable[[StanceGraph, Table], Arrays]
+    encode: Callable[[CheckedSteps, Table], Arrays]
     """Returns a table in the arrays of a compressed file."""
-    decode: Callable[[StanceGraph, Arrays], Table]
+    decode: Callable[[CheckedSteps, Arrays], Table]
     """Checks such arrays and returns the table; raises any error if they are damaged."""
     mapped: tuple[Callable[[Table], Arrays], Callable[[Arrays], Table]] | None = None
     """The same for mapped arrays, if tables of this kind are mapped to be used."""
@@ -92,24 +91,23 @@ class TableFiles(Generic[Table]):
     is_shared: bool = False
     """Whether tables stay in memory, for all graphs of the same kind."""
 
-    def name(self, graph: StanceGraph) -> str:
+    def name(self, graph: CheckedSteps) -> str:
         """Return the name of the compressed file of a graph."""
         digest = "" if self.source is None else f"-{source_digest(self.source)}"
         return f"{self.kind}-{key_of(graph)}{digest}.npz"
 
-    def cached(self, graph: StanceGraph) -> Path | None:
+    def cached(self, graph: CheckedSteps) -> Path | None:
         """Return where the cache folder has the table of a graph; None without such a folder."""
         folder, name = cache_folder(), self.name(graph)
         if folder is None:
             return None
         return folder / (name.replace(".npz", "-unpacked.npz") if self.mapped else name)
 
-    def find(self, graph: StanceGraph, *, warn: bool = True) -> tuple[Path | None, Table] | None:
+    def find(self, graph: CheckedSteps, *, warn: bool = True) -> tuple[Path | None, Table] | None:
         """Return the table of a graph and its file, which ships or lies in the cache folder.
 
-        A table that is mapped to be used is unpacked into the cache folder first, and is not found
-        without one. A file that cannot be used is skipped with a warning. A table that could not be
-        stored has no file.
+        A table that is mapped to be used is unpacked into the cache folder first. A file that
+        cannot be used is skipped with a warning. A table that could not be stored has no file.
         """
         name, cached = self.name(graph), self.cached(graph)
         known = _memory.get(name)
@@ -118,8 +116,8 @@ class TableFiles(Generic[Table]):
         files = [asset_path(name)]
         if cached is not None:
             files.append(cached.with_name(name))
-        if self.mapped:
-            files = [] if cached is None else [cached, *files]
+            if self.mapped:
+                files.insert(0, cached)
         for path in filter(Path.is_file, files):
             try:
                 table = self.read(graph, path)
@@ -135,7 +133,7 @@ class TableFiles(Generic[Table]):
         return None
 
     def remember(
-        self, graph: StanceGraph, path: Path | None, table: Table
+        self, graph: CheckedSteps, path: Path | None, table: Table
     ) -> tuple[Path | None, Table]:
         """Keep a table in memory, if tables of this kind stay there, and return it and its file."""
         if self.is_shared:
@@ -144,7 +142,7 @@ class TableFiles(Generic[Table]):
                 _memory.popitem(last=False)
         return path, table
 
-    def read(self, graph: StanceGraph, path: Path) -> Table:
+    def read(self, graph: CheckedSteps, path: Path) -> Table:
         """Return the table in a file.
 
         Raises a `TableError` if the file is damaged, or of another graph or format.
@@ -160,14 +158,14 @@ class TableFiles(Generic[Table]):
                 f"table file {str(path)!r} is damaged, or not of format {self.format}"
             ) from None
 
-    def write(self, graph: StanceGraph, table: Table, path: Path) -> None:
+    def write(self, graph: CheckedSteps, table: Table, path: Path) -> None:
         """Write a compressed file.
 
         Raises a `FileError` if the file cannot be written.
         """
         write_whole(path, self.pack(graph, self.encode(graph, table), self.compression))
 
-    def cache(self, graph: StanceGraph, table: Table) -> Path | None:
+    def cache(self, graph: CheckedSteps, table: Table) -> Path | None:
         """Write a table into the cache folder and return its file; None, with a warning, if not."""
         path = self.cached(graph)
         if path is None:
@@ -183,7 +181,7 @@ class TableFiles(Generic[Table]):
             return None
         return path
 
-    def pack(self, graph: StanceGraph, arrays: Arrays, compression: int) -> bytes:
+    def pack(self, graph: CheckedSteps, arrays: Arrays, compression: int) -> bytes:
         """Return an archive of arrays of a graph."""
         buffer = io.BytesIO()
         with zipfile.ZipFile(buffer, "w", compression) as archive:
@@ -198,7 +196,7 @@ class TableFiles(Generic[Table]):
                     np.lib.format.write_array(member, array, allow_pickle=False)
         return buffer.getvalue()
 
-    def arrays(self, graph: StanceGraph, path: Path, *, mapped: bool = False) -> Arrays:
+    def arrays(self, graph: CheckedSteps, path: Path, *, mapped: bool = False) -> Arrays:
         """Return the arrays of a graph in an archive, which cannot be written to.
 
         They are decompressed while others are used already. If they are mapped, the archive has to
@@ -226,7 +224,7 @@ class TableFiles(Generic[Table]):
                 arrays[name] = _array(whole[start : start + info.file_size])
         return arrays
 
-    def head(self, graph: StanceGraph) -> dict[str, Any]:
+    def head(self, graph: CheckedSteps) -> dict[str, Any]:
         """Return the head of the files of a graph."""
         return {
             "format": self.format,
@@ -310,7 +308,7 @@ def check_arrays(*expected: tuple[NDArray[Any], tuple[int, ...], float, float]) 
             raise ValueError
 
 
-def key_of(graph: StanceGraph) -> str:
+def key_of(graph: CheckedSteps) -> str:
     """Return a digest of map, robot, settings and rules of a graph, which names its files."""
     digest = sha256(graph.grasp_map.fingerprint.encode() + graph.robot.fingerprint.encode())
     digest.update(f"{graph.settings!r} {GRAPH_RULES}".encode())

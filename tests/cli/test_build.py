@@ -10,10 +10,9 @@ from small_tables import small_map as few_points
 from mlivr_gym import stance_graph
 from mlivr_gym.cli import build
 from mlivr_gym.stances import table_files
-from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.table_build import find_table
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import TableFiles
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 
 @pytest.fixture
@@ -38,7 +37,7 @@ def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     _, found = find_table(graph)
     assert code == 0
     (last,) = out.splitlines()
-    assert str(NODE_TABLES.cached(graph)) in last
+    assert str(TABLES.cached(graph)) in last
     assert len(found.points) > 10
 
 
@@ -48,11 +47,11 @@ def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part)
     assert code == 0
     assert graph.is_complete
     (last,) = out.splitlines()
-    assert last == f"stored: {TWO_LIMB_TABLES.cached(graph)}"
+    assert last == f"stored: {TABLES.cached(graph)}"
     code, out, _ = run("build", "--map", part, "--json")
     assert code == 0
     told = json.loads(out)
-    assert told["file"] == told["kept"] == str(TWO_LIMB_TABLES.cached(graph))
+    assert told["file"] == told["kept"] == str(TABLES.cached(graph))
 
 
 def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp_path, monkeypatch):
@@ -62,11 +61,11 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     graph = stance_graph(part)
     assert code == 0
     assert not graph.is_complete
-    assert f"table: {path} (name it {TWO_LIMB_TABLES.name(graph)} in a cache folder)" in out
-    assert np.array_equal(TWO_LIMB_TABLES.read(graph, path).points, graph.points)
+    assert f"table: {path} (name it {TABLES.name(graph)} in a cache folder)" in out
+    assert np.array_equal(TABLES.read(graph, path).points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
-    path.rename(tmp_path / "other" / TWO_LIMB_TABLES.name(graph))
+    path.rename(tmp_path / "other" / TABLES.name(graph))
     assert stance_graph(part).is_complete
 
 

@@ -17,13 +17,12 @@ from mlivr_gym.planners import (
     Planner,
     SearchOptions,
     backward_search,
-    checked_edges,
     fewest_steps,
     label_search,
     table_search,
     table_values,
 )
-from mlivr_gym.stances import node_table, two_limb_nodes
+from mlivr_gym.stances import checked_edges, node_edges, node_table
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions import release, steps
 
@@ -31,7 +30,7 @@ ENTRIES = (
     label_search._search, label_search.requeue_checked, backward_search._search,
     fewest_steps._expand_level, checked_edges._put, table_values.compute_costs,
     node_table.find_rows,
-    two_limb_nodes.write_edges,
+    node_edges._set_bits,
     limb_branch_sets.clear_bits, release.release_all, steps.check_all,
 )  # fmt: skip
 

@@ -166,7 +166,7 @@ def test_more_limbs_have_a_lower_bound_and_its_gap(has_table):
     net, positive = None, 0
     for reward in REWARDS:
         env, rng = MlivrEnv("mlivr3", few_points(), reward=reward), np.random.default_rng(0)
-        env.graph.table = table if has_table else None
+        env.graph.graph_table = table if has_table else None
         env.regret = EpisodeRegret(env)
         for seed in range(2):
             _, info = env.reset(seed=seed)

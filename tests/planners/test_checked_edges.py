@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mlivr_gym.planners.checked_edges import CheckedEdges
+from mlivr_gym.stances.checked_edges import CheckedEdges
 
 BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
 

@@ -8,8 +8,8 @@ from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.costs import Cost, cost_weights
 from mlivr_gym.planners.label_search import SearchGraph, SearchParameters, cheapest_path
 from mlivr_gym.planners.labels import Labels, NodeOrigins
-from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.stances.node_steps import candidate_steps
+from mlivr_gym.stances.present_table import PresentTable
 from mlivr_gym.transitions.records import ReleaseRecord
 from mlivr_gym.world.boxes import Box
 
@@ -25,7 +25,7 @@ def test_nodes_are_checked_when_they_are_popped(graph):
     """The cheapest path costs what it does if every node is checked before the search."""
     rng, count, solved, checks = np.random.default_rng(1), len(graph.table.points), 0, 0
     weights, labels = cost_weights(Cost.named("base"), graph.table.points), Labels.allocate(count)
-    every = LowerBounds(graph).lazy_table
+    every = PresentTable(graph)
     every.check_nodes(np.arange(count))
     losing = np.flatnonzero(every.table.branch_sets != graph.table.branch_sets)
     goals = np.concatenate([rng.choice(count, 60), rng.choice(losing, 60)])
@@ -33,16 +33,16 @@ def test_nodes_are_checked_when_they_are_popped(graph):
         h, found = np.full(count, MIN_COST_OUTSIDE_GOAL), []
         h[goal] = 0.0
         for first in ([start], np.arange(count)):
-            lazy_table = LowerBounds(graph).lazy_table
-            lazy_table.check_nodes(np.array(first))
-            table, checked = lazy_table.table, lazy_table.checked_edges
-            left = lazy_table.unchecked.sum()
+            present = PresentTable(graph)
+            present.check_nodes(np.array(first))
+            table, checked = present.table, present.checked_edges
+            left = present.unchecked.sum()
             origins = NodeOrigins(np.array([start]), table.branch_sets[[start]], np.zeros(1))
             outcome = cheapest_path(
-                SearchGraph(table, checked, weights, unchecked=lazy_table.unchecked), h, origins,
-                labels, SearchParameters(), check_nodes=lazy_table.check_nodes,
+                SearchGraph(table, checked, weights, unchecked=present.unchecked), h, origins,
+                labels, SearchParameters(), check_nodes=present.check_nodes,
             )  # fmt: skip
-            checks += left - lazy_table.unchecked.sum()
+            checks += left - present.unchecked.sum()
             found.append(outcome)
         one, other = found
         assert (one.path is None) == (other.path is None)
@@ -55,18 +55,18 @@ def test_nodes_are_checked_when_they_are_popped(graph):
     assert checks > 10
 
 
-def branches_after_checks(lazy_table, rows):
+def branches_after_checks(present, rows):
     """Check nodes, and edges from them; return the branches of all nodes."""
-    lazy_table.check_nodes(rows)
-    table, some = lazy_table.table, rows[lazy_table.table.branch_sets[rows] != 0]
+    present.check_nodes(rows)
+    table, some = present.table, rows[present.table.branch_sets[rows] != 0]
     edges = [candidate_steps(table, int(row), 0).edges[:40] for row in some[:20]]
-    lazy_table._kept(np.concatenate(edges).astype(np.int64))
+    present.kept(np.concatenate(edges).astype(np.int64))
     return np.stack([table.branch_sets, table.releasable]).copy()
 
 
 def test_nothing_that_was_checked_among_other_obstacles_lasts(graph):
     """Though the arrays of one world serve the next."""
-    bounds, rng = LowerBounds(graph), np.random.default_rng(3)
+    rng = np.random.default_rng(3)
     rows = np.sort(rng.choice(len(graph.table.points), len(graph.table.points) // 2, replace=False))
     before, (first, *_) = graph.obstacles, graph.obstacles
     centre = np.array(first.centre) + np.array([0.3, 0.2, 0.1])
@@ -77,15 +77,15 @@ def test_nothing_that_was_checked_among_other_obstacles_lasts(graph):
             graph.remove_obstacles()
             graph.add_obstacles(boxes)
             if boxes:
-                found.append(branches_after_checks(bounds.lazy_table, rows))
-                fresh = branches_after_checks(LowerBounds(graph).lazy_table, rows)
+                found.append(branches_after_checks(graph.present, rows))
+                fresh = branches_after_checks(PresentTable(graph), rows)
                 np.testing.assert_array_equal(found[-1], fresh)
                 # No limb can be released at a node, as may be found when an edge to it is checked.
                 none = ReleaseRecord.rows(1, graph.limbs)
                 none["known"] = True
-                bounds.lazy_table._record_releases(np.setdiff1d(np.arange(9), rows)[:1], none)
+                graph.present._record_releases(np.setdiff1d(np.arange(9), rows)[:1], none)
             else:
-                assert bounds.lazy_table.table is graph.table
+                assert graph.present.table is graph.table
         assert (found[0] != found[1]).any()
         np.testing.assert_array_equal(found[0], found[2])
     finally:

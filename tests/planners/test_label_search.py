@@ -14,7 +14,6 @@ from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
 from mlivr_gym.planners import backward_search, label_search
 from mlivr_gym.planners import labels as labels_module
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL, costs_to_goal
-from mlivr_gym.planners.checked_edges import CheckedEdges
 from mlivr_gym.planners.clock import Clock
 from mlivr_gym.planners.costs import cost_weights
 from mlivr_gym.planners.label_search import (
@@ -28,6 +27,7 @@ from mlivr_gym.planners.label_search import (
 from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
 from mlivr_gym.planners.open_queue import push
 from mlivr_gym.postures.relabelling import relabelled
+from mlivr_gym.stances.checked_edges import CheckedEdges
 from mlivr_gym.stances.node_edges import (
     EdgeSet,
     NodePair,

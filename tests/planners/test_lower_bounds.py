@@ -19,9 +19,8 @@ from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.stances import table_files
-from mlivr_gym.stances.node_table_file import NODE_TABLES
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.stances.table_file import TABLES
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
@@ -33,10 +32,7 @@ def known(request):
 def fresh(known):
     """A graph of its own, to take points of."""
     graph = stance_graph(known[0].grasp_map, known[0].robot)
-    if known[1].limbs == 2:
-        fill_rows(graph)
-    else:
-        graph.table = known[1]
+    graph.graph_table = known[0].graph_table
     return graph
 
 
@@ -115,7 +111,7 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
 def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
-    monkeypatch.setitem(table_files._memory, NODE_TABLES.name(known[0]), (None, table))
+    monkeypatch.setitem(table_files._memory, TABLES.name(known[0]), (None, table))
     monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)

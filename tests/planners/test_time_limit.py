@@ -2,6 +2,7 @@
 
 import sys
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +25,7 @@ from mlivr_gym.planners.labels import NodePath
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.stances.table_build import build_table
 
 SECONDS = {
     "check_all": 2e-2,
@@ -138,7 +139,7 @@ def unknown_steps():
 @cache
 def known_steps():
     graph = stance_graph(near_map())
-    fill_rows(graph)
+    build_table(graph)
     return graph
 
 
@@ -233,16 +234,23 @@ def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch
     graph.remove_obstacles()
 
 
+def searching_until(graph, deadline):
+    """A search over the table of a graph that ends at a time of the clock."""
+    stance = graph.table.points[0].tolist()
+    goal = Goal.from_arguments(graph, graph.table.base_position[-1], "base", None, 0.2)
+    search = replace(SearchQuery.from_options(graph, goal), clock=Clock(deadline))
+    return TableSearch(lower_bounds.LowerBounds(graph), search, graph.state(stance))
+
+
 @pytest.mark.parametrize("limbs", [2, 3])
 def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
     """As where obstacles may cut the goal off."""
     graph = CASES["two limbs, obstacles"]() if limbs == 2 else over_a_table(3)
-    lazy_table = lower_bounds.LowerBounds(graph).lazy_table
-    machine, every = SlowMachine(monkeypatch), np.arange(len(lazy_table.table.points))
+    machine, every = SlowMachine(monkeypatch), np.arange(len(graph.table.points))
     with pytest.raises(OutOfTime):
-        lazy_table.check_nodes(every, Clock(0.3))
+        searching_until(graph, 0.3)._check_nodes(every)
     assert machine.now <= 0.3 + OVERRUN
-    lazy_table.check_nodes(every, Clock(1e9))
+    searching_until(graph, 1e9)._check_nodes(every)
     graph.remove_obstacles()
     assert machine.now > 0.3 + 2.0 * OVERRUN
 
@@ -250,11 +258,11 @@ def test_a_limit_is_kept_while_all_nodes_are_checked(limbs, monkeypatch):
 @pytest.mark.parametrize("limbs", [3, 4])
 def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatch):
     """As those of a first path over a table, of which none was checked."""
-    lazy_table = lower_bounds.LowerBounds(small_table(limbs)[0]).lazy_table
+    graph = small_table(limbs)[0]
     path = NodePath(0.0, 0, np.zeros(41), np.arange(40), np.zeros(41))
     machine = SlowMachine(monkeypatch)
     with pytest.raises(OutOfTime):
-        lazy_table.checked_branch_sets(path, Clock(0.3))
+        searching_until(graph, 0.3)._checked_walk(path)
     assert machine.now <= 0.3 + OVERRUN
 
 

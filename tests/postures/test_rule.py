@@ -345,7 +345,7 @@ def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named
         small_map, replace(spec, capsules=(*spec.mounted[0].capsules, ball)), settings
     )
     assert 0 < len(restricted) < len(graph)
-    assert restricted.removed["self"] > 0
+    assert restricted.listed.counts["self"] > 0
     missing = next(
         s
         for s in graph.points.tolist()
@@ -384,8 +384,8 @@ def test_what_is_left_out_without_thresholds_is_counted(small_map):
     settings, spec = Settings(collisions=False, manipulability=False), robot_spec("mlivr2")
     graph = stance_graph(small_map, spec, settings)
     unchecked = stance_graph(small_map, spec, replace(settings, transitions=False))
-    assert graph.no_departure == len(unchecked) - len(graph) > 0
-    assert unchecked.no_departure == 0
+    assert graph.listed.counts["no_departure"] == len(unchecked) - len(graph) > 0
+    assert unchecked.listed.counts["no_departure"] == 0
     apart = np.linalg.norm(small_map.positions[:, None] - small_map.positions[None], axis=2)
     short = replace(spec, span=1.2)
     reach = 2.0 * (0.1 + spec.limb.reach + 0.05)

@@ -39,7 +39,7 @@ def test_counts_agree_with_the_independent_calculation(jem):
         replace(robot_spec("mlivr2"), rolls=(0.0,)),
         Settings(collisions=False, manipulability=False, transitions=False),
     )
-    assert graph.considered == 43540
+    assert graph.listed.counts["considered"] == 43540
     normals = jem.normals[graph.points]
     opposed = (normals[:, 0] * normals[:, 1]).sum(axis=1) < -0.5
     assert (~opposed).sum() == 27010

@@ -14,7 +14,7 @@ from mlivr_gym import RobotSpec, Settings, robot_spec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.link_frames import link_frames
 from mlivr_gym.robot.specification import ROBOTS
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.world.grasp_map import as_map
 
 SAVED = {"json": RobotSpec.save, "urdf": RobotSpec.to_urdf, "xml": RobotSpec.to_mjcf}
@@ -67,7 +67,7 @@ def close(one, other):
 def postures(robot, grasp_map):
     """Postures of stances on a map, with low thresholds, so that there are some."""
     settings = Settings(limb_threshold=0.01, base_threshold=1e-5, path_floor=0.005)
-    graph = ImplicitGraph(grasp_map, robot, settings)
+    graph = StanceGraph(grasp_map, robot, settings)
     stances = np.array(list(permutations(range(len(grasp_map)), robot.limbs)))
     apart = graph.compatible[stances[:, :, None], stances[:, None]].sum(axis=(1, 2))
     stances = stances[apart == robot.limbs * (robot.limbs - 1)]

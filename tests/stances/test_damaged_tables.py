@@ -15,9 +15,10 @@ from small_tables import small_table
 from mlivr_gym import files
 from mlivr_gym.compiled.cached_files import cached_files, mark_used
 from mlivr_gym.stances import table_files
-from mlivr_gym.stances.node_table_file import NODE_TABLES
+from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.parts import Parts
 from mlivr_gym.stances.table_build import find_table
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import CHECKED, TableError
 
 PAGE = 4096
@@ -40,7 +41,7 @@ def found(graph):
     """The table that a new process finds."""
     table_files._memory.clear()
     answer = find_table(graph)
-    return answer and answer[1]
+    return answer and answer[1].nodes
 
 
 def is_equal(table, other):
@@ -50,8 +51,8 @@ def is_equal(table, other):
 def unpacked(known):
     """A table in the cache folder that was checked, and in compressed form."""
     graph, table = known
-    NODE_TABLES.write(graph, table, NODE_TABLES.cached(graph).with_name(NODE_TABLES.name(graph)))
-    path = NODE_TABLES.cache(graph, table)
+    TABLES.write(graph, GraphTable(table, False), TABLES.cached(graph).with_name(TABLES.name(graph)))
+    path = TABLES.cache(graph, GraphTable(table, False))
     assert is_equal(found(graph), table)
     return path
 
@@ -83,7 +84,7 @@ def test_a_page_of_zeros_in_a_mapped_table_is_noticed_and_the_table_unpacked_aga
 
 def is_refused(graph, path):
     try:
-        NODE_TABLES.read(graph, path)
+        TABLES.read(graph, path)
     except TableError:
         return True
     return False
@@ -139,10 +140,10 @@ HEADERS = [
 def test_a_header_of_another_kind_is_one_clear_error(known, cache, header, mapped):
     """Also if the checksums of the archive are those of the altered content."""
     graph, table = known
-    path = NODE_TABLES.cached(graph) if mapped else cache / "given.npz"
+    path = TABLES.cached(graph) if mapped else cache / "given.npz"
     write_with_header(graph, table, path, header, mapped)
     with pytest.raises(TableError, match="is damaged, or not of format"):
-        NODE_TABLES.read(graph, path)
+        TABLES.read(graph, path)
 
 
 def write_with_header(graph, table, path, header, mapped):
@@ -156,9 +157,9 @@ def write_with_header(graph, table, path, header, mapped):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(np.lib.format, "write_array", other)
-        arrays = table._asdict() if mapped else NODE_TABLES.encode(graph, table)
-        compression = 0 if mapped else NODE_TABLES.compression
-        path.write_bytes(NODE_TABLES.pack(graph, arrays, compression))
+        arrays = table._asdict() if mapped else TABLES.encode(graph, table)
+        compression = 0 if mapped else TABLES.compression
+        path.write_bytes(TABLES.pack(graph, arrays, compression))
     assert np.lib.format.write_array is write
 
 
@@ -223,5 +224,5 @@ def test_a_table_is_on_the_disk_before_it_has_its_name(known, cache, monkeypatch
     monkeypatch.setattr(
         files.os, "replace", lambda *names: events.append(("name", 0)) or replace(*names)
     )
-    path = NODE_TABLES.cache(*known)
+    path = TABLES.cache(*known)
     assert events == [("file", path.stat().st_size), ("name", 0), ("folder", 0)]

@@ -14,9 +14,9 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import TableError
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 NAN, HUGE = float("nan"), 2**70
 
@@ -136,10 +136,10 @@ def test_configurations_that_are_none_are_named(small_graph, part, value):
 def graph_and_tables(small_map, tmp_path_factory):
     """A graph, and the arrays of the file of its steps."""
     full, path = stance_graph(small_map, settings=NO_COLLISIONS), tmp_path_factory.mktemp("steps")
-    fill_rows(full)
-    TWO_LIMB_TABLES.write(full, full.file_contents(), path / "steps.npz")
-    found = dict(TWO_LIMB_TABLES.arrays(full, path / "steps.npz"))
-    assert len(TWO_LIMB_TABLES.read(full, path / "steps.npz").edges)
+    build_table(full)
+    TABLES.write(full, full.graph_table, path / "steps.npz")
+    found = dict(TABLES.arrays(full, path / "steps.npz"))
+    assert len(TABLES.read(full, path / "steps.npz").nodes.lost)
     return full, found
 
 
@@ -160,9 +160,9 @@ def test_tables_of_steps_with_other_numbers_are_worked_out_anew(
     found["mask"] = found["mask"].astype(np.int64)
     target = found[array] if field is None else found[array][field]
     target[(-1,) + (0,) * (target.ndim - 1)] = value
-    path.write_bytes(TWO_LIMB_TABLES.pack(fresh, found, ZIP_STORED))
+    path.write_bytes(TABLES.pack(fresh, found, ZIP_STORED))
     with pytest.raises(TableError, match="is damaged, or not of format"):
-        TWO_LIMB_TABLES.read(fresh, path)
+        TABLES.read(fresh, path)
 
 
 def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):

@@ -174,7 +174,7 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     """Of some nodes all that is told, and that all their steps are among the bits."""
     graph, with_table = (stance_graph(robot=robot) for _ in range(2))
     limbs, rng = graph.limbs, np.random.default_rng(4)
-    table = find_table(with_table)[1]
+    table = find_table(with_table)[1].nodes
     rows = rng.choice(len(table.points), 300, replace=False)
     stances = table.points[rows].astype(np.int64)
     postures = graph.nodes(stances)

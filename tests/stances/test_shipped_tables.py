@@ -9,9 +9,9 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.paper import case_graph, default_setup
 from mlivr_gym.postures.postures import FIELDS
-from mlivr_gym.stances.table_build import fill_rows
+from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import TableFiles
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 WORLDS = {
     "default": stance_graph,
@@ -37,7 +37,7 @@ def without_tables(monkeypatch):
 
 def assert_same_stances(graph, fresh):
     np.testing.assert_array_equal(graph.points, fresh.points)
-    kept, worked_out = graph.file_contents(), fresh.file_contents()
+    kept, worked_out = graph.listed, fresh.listed
     assert dict(kept.counts) == dict(worked_out.counts)
     for name in FIELDS:
         assert_same(*(getattr(one.postures, name) for one in (kept, worked_out)), name)
@@ -53,26 +53,22 @@ def assert_same(ours, theirs, name):
 
 def assert_same_steps(graph, fresh, chosen):
     """All steps of some stances, there and back, and what can be released there."""
-    for held in range(2):
-        for s in chosen:
-            row = fresh.row(held, s)
-            fresh.check_steps(np.full(len(row), held), np.full(len(row), s), row)
-            for before, after in ((s, row), (row, s)):
-                which = fresh._free.index(held, before, after)
-                np.testing.assert_array_equal(graph.steps.edges[which], fresh.steps.edges[which])
-    fresh.check_releases(np.array([(s, limb) for s in chosen for limb in range(2)]))
-    for name in fresh.steps.releases.dtype.names:
-        ours, theirs = (one.steps.releases[name][chosen] for one in (graph, fresh))
-        np.testing.assert_array_equal(ours, theirs, err_msg=name)
+    for s in chosen:
+        state = graph.state(graph.points[s].tolist())
+        for one, other in zip(graph.successors(state), fresh.successors(state), strict=True):
+            np.testing.assert_array_equal(one, other)
+    theirs = fresh.all_releases(fresh.points[chosen], fresh.node_postures(chosen))
+    for name in theirs.dtype.names:
+        np.testing.assert_array_equal(graph.listed.releases[name][chosen], theirs[name])
 
 
 def test_a_table_ships_for_each_of_these_worlds_and_no_other():
-    names = set()
+    names = {TABLES.name(stance_graph(robot=f"mlivr{limbs}")) for limbs in (3, 4)}
     for world in WORLDS.values():
         graph = world()
-        names.add(TWO_LIMB_TABLES.name(graph))
+        names.add(TABLES.name(graph))
         assert graph.is_complete
-    assert {path.name for path in Path(asset_path("")).glob("pairs-*")} == names
+    assert {path.name for path in Path(asset_path("")).glob("table-*")} == names
 
 
 def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables):
@@ -84,7 +80,7 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
 
 def test_other_settings_are_worked_out():
     graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
-    assert not asset_path(TWO_LIMB_TABLES.name(graph)).exists()
+    assert not asset_path(TABLES.name(graph)).exists()
     assert not graph.is_complete
 
 
@@ -92,8 +88,8 @@ def test_other_settings_are_worked_out():
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, world):
     graph, fresh = world(), without_tables(world)
-    fill_rows(fresh)
+    fresh.graph_table = build(fresh)
     assert_same_stances(graph, fresh)
-    ours, theirs = graph.file_contents(), fresh.file_contents()
-    np.testing.assert_array_equal(ours.edges, theirs.edges)
-    np.testing.assert_array_equal(ours.releases, theirs.releases)
+    for one, other in zip(graph.table, fresh.table, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(graph.listed.releases, fresh.listed.releases)

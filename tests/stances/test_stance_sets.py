@@ -12,7 +12,7 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import stance_graph
 from mlivr_gym.stances import stance_sets, table_files
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.stance_sets import SET_TABLES, StanceSets, count_sets, sets_from
 
 
@@ -107,7 +107,7 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
     """Searches then go by moves of limbs in pairs."""
     for limbs in (2, 5):
-        other = ImplicitGraph(graph.grasp_map, replace(graph.robot, limbs=limbs), NO_COLLISIONS)
+        other = StanceGraph(graph.grasp_map, replace(graph.robot, limbs=limbs), NO_COLLISIONS)
         assert other.sets() is None
     monkeypatch.setattr(stance_sets, "MOST_SETS", 10)
     assert StanceSets.of(graph) is None

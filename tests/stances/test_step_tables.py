@@ -10,8 +10,8 @@ from small_tables import small_table
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.stances.step_tables import step_tables, without_points
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import TableError
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
 
 
 @pytest.fixture(autouse=True)
@@ -66,33 +66,31 @@ def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, 
         stance_graph(fewer, robot, Settings(limb_threshold=0.11, collisions=False)),
         stance_graph(fewer, robot, Settings(manipulability=False, collisions=False)),
     ]
-    assert len({TWO_LIMB_TABLES.cached(graph) for graph in graphs}) == len(graphs)
-    assert TWO_LIMB_TABLES.cached(graphs[0]) == TWO_LIMB_TABLES.cached(
-        stance_graph(fewer, "mlivr2", checked)
-    )
+    assert len({TABLES.cached(graph) for graph in graphs}) == len(graphs)
+    assert TABLES.cached(graphs[0]) == TABLES.cached(stance_graph(fewer, "mlivr2", checked))
 
 
 def test_a_table_with_a_number_just_outside_its_range_is_refused(tmp_path):
     """Compiled code uses these numbers as indices, and checksums are those of what was written."""
     graph, _ = small_table(2)
-    path, arrays = tmp_path / "table.npz", TWO_LIMB_TABLES.encode(graph, graph.file_contents())
+    path, arrays = tmp_path / "table.npz", TABLES.encode(graph, graph.graph_table)
 
     def is_refused(**changed):
-        path.write_bytes(TWO_LIMB_TABLES.pack(graph, arrays | changed, 0))
+        path.write_bytes(TABLES.pack(graph, arrays | changed, 0))
         try:
-            TWO_LIMB_TABLES.read(graph, path)
+            TABLES.read(graph, path)
         except TableError:
             return True
         return False
 
     outside = {
-        "points": (-1, len(graph.grasp_map)), "tried": (-1, 1 << 12), "branch": (-1, 8),
-        "mask": (0, 1 << 16), "manipulability_index": (-1, len(arrays["manipulability"])),
-        "edge_index": (len(arrays["edges"]),),
+        "tried": (-1, 1 << 12), "branch": (-1, 8), "mask_index": (len(arrays["mask"]),),
+        "manipulability_index": (-1, len(arrays["manipulability"])),
+        "lost_index": (len(arrays["lost"]),),
     }  # fmt: skip
     assert not is_refused()
     for name, values in outside.items():
         for value in values:
-            changed = arrays[name].astype(np.uint32 if name == "edge_index" else np.int64)
+            changed = arrays[name].astype(np.int64)
             changed.flat[changed.argmax()] = value
             assert is_refused(**{name: changed}), (name, value)

@@ -18,8 +18,8 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import node_table_build, parts, table_files
-from mlivr_gym.stances.table_build import build_table, files_of, fill_rows
-from mlivr_gym.stances.two_limb_table_file import TWO_LIMB_TABLES
+from mlivr_gym.stances.table_build import build_table
+from mlivr_gym.stances.table_file import TABLES
 
 KERNELS = kernel_root()
 
@@ -41,7 +41,7 @@ def fewer(small_map):
 def whole(fewer):
     """The graph with every step checked at once."""
     graph = stance_graph(fewer)
-    fill_rows(graph)
+    graph.graph_table = node_table_build.build(graph)
     return graph
 
 
@@ -61,12 +61,11 @@ def written(monkeypatch):
 
 def assert_same(graph, whole):
     assert graph.is_complete
-    for ours, theirs in (
-        (graph.steps.edges, whole.steps.edges),
-        (graph.steps.releases, whole.steps.releases),
-    ):
-        for name in theirs.dtype.names:
-            np.testing.assert_array_equal(ours[name], theirs[name])
+    for ours, theirs in zip(graph.table, whole.table, strict=True):
+        np.testing.assert_array_equal(ours, theirs)
+    for name in whole.listed.releases.dtype.names:
+        ours, theirs = (one.listed.releases[name] for one in (graph, whole))
+        np.testing.assert_array_equal(ours, theirs)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.8])
@@ -92,7 +91,7 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(
     assert before == len(list(cache.glob("parts-*/*.npz"))) > 1
     again = graph()
     path = build_table(again)
-    assert path == files_of(again).cached(again)
+    assert path == TABLES.cached(again)
     assert before < len(written) == len(set(written))
     assert path.is_file()
     assert not list(cache.glob("parts-*"))
@@ -116,7 +115,7 @@ def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cac
     """Nothing, something else, or one byte that differs is left of each."""
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(fewer), stop_at(0.6))
-    for k, path in enumerate(sorted(cache.glob("parts-*/rows-*"))):
+    for k, path in enumerate(sorted(cache.glob("parts-*/joined-*"))):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
         path.write_bytes((b"", b"no archive", content)[k % 3])
@@ -149,11 +148,11 @@ def test_two_processes_build_at_once(fewer, whole, cache):
         )
         told = [one.stdout.splitlines() for one in both]
     graph = stance_graph(fewer)
-    assert told == [[f"{TWO_LIMB_TABLES.cached(graph)} True"]] * 2
+    assert told == [[f"{TABLES.cached(graph)} True"]] * 2
     assert_same(graph, whole)
     assert {path.name for path in cache.iterdir()} == {
         "kernels",
-        TWO_LIMB_TABLES.cached(graph).name,
+        TABLES.cached(graph).name,
     }
 
 

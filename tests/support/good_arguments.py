@@ -89,12 +89,12 @@ SPECIAL = {
     "RobotSpec.from_urdf": lambda of: {"path": of.file("robot.urdf")},
     "RobotSpec.from_mjcf": lambda of: {"path": of.file("robot.xml")},
     "read_robot": lambda of: {"path": of.file("robot.urdf")},
-    "carrying_robot": lambda of: {"robot": of["ImplicitGraph"].robot},
+    "carrying_robot": lambda of: {"robot": of["three-limb graph"].robot},
     "limits": lambda of: {"frequencies": np.array([1.0, 2.0])},
     "DisturbanceRanges.only": lambda of: {"name": "friction"},
     "success_rate": lambda of: {"outcomes": [of["RunOutcome"]]},
     "plan_cargo_mission": lambda of: {
-        "graph": of["ImplicitGraph"],
+        "graph": of["three-limb graph"],
         "start": of["three limbs"].stance,
         "pick": of.free[0],
         "stow": of.free[1],
@@ -127,10 +127,8 @@ SPECIAL = {
     "Box.from_dict": lambda of: {"data": of["Box"].to_dict()},
     "point_cloud_boxes": lambda of: {"points": [[0.0, 0.0, 0.0]]},
     "capsule_box": lambda of: {"name": "b", "start": (0.0, 0.0, 0.0), "end": (1.0, 0.0, 0.0)},
-    "TwoLimbGraph.add_obstacles": lambda of: {"boxes": [of["Box"]]},
-    "ImplicitGraph.add_obstacles": lambda of: {"boxes": [of["Box"]]},
-    "TwoLimbGraph.postures_of": lambda of: {"states": [of["State"]]},
-    "ImplicitGraph.postures_of": lambda of: {"states": [of["three limbs"]]},
+    "StanceGraph.add_obstacles": lambda of: {"boxes": [of["Box"]]},
+    "StanceGraph.postures_of": lambda of: {"states": [of["State"]]},
 }
 """Arguments of some callables; those without a default value have others beside them."""
 
@@ -141,7 +139,7 @@ POINTS = [
 
 
 NAMED = {
-    "graph": lambda of: of["TwoLimbGraph"],
+    "graph": lambda of: of["StanceGraph"],
     "grasp_map": lambda of: of.map,
     "start": lambda of: of.query["start"],
     "goal": lambda of: of.query["goal"],
@@ -181,28 +179,8 @@ NAMED = {
     "action": lambda of: int(np.flatnonzero(of["MlivrEnv"].action_masks())[0]),
     "time": lambda of: 0.0,
     "plans": lambda of: [(of["Plan"], 1)],
-    "after": lambda of: of["TwoLimbGraph"].neighbouring_nodes(of["State"].stance)[0][0],
+    "after": lambda of: of["StanceGraph"].neighbouring_nodes(of["State"].stance)[0][0],
 }
-
-
-class ThreeLimbs:
-    """The things of a graph of three limbs where they are others."""
-
-    def __init__(self, things):
-        self.things, self.state = things, things["three limbs"]
-
-    def __getattr__(self, name):
-        return getattr(self.things, name)
-
-    def __getitem__(self, name):
-        graph = self.things["ImplicitGraph"]
-        return {
-            "State": lambda: self.state,
-            "TwoLimbGraph": lambda: graph,
-            "StanceGraph": lambda: graph,
-            "Postures": lambda: graph.posture(self.state.stance),
-            "Successors": lambda: graph.successors(self.state),
-        }.get(name, lambda: self.things[name])()
 
 
 def typed(things, annotation):
@@ -213,8 +191,6 @@ def typed(things, annotation):
 def good(things, title, function):
     """The arguments with which a callable is called right: those without a default, and some."""
     given = dict(SPECIAL.get(title, lambda of: {})(things))
-    if title.startswith("ImplicitGraph."):
-        things = ThreeLimbs(things)
     for name, one in parameters(function).items():
         if name in given or one.default is not one.empty:
             continue

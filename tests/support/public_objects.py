@@ -142,7 +142,7 @@ def plans(planner):
 def three_limbs():
     """A graph on a few points with a table that no file has."""
     graph = stance_graph(small_map(), "mlivr3")
-    graph.table = small_table(3)[1]
+    graph.graph_table = small_table(3)[0].graph_table
     return graph
 
 
@@ -186,10 +186,10 @@ def checked_nodes(table):
     return table.table.branch_sets[:200], table.table.releasable[:200]
 
 
-def lazy_table():
+def present_table():
     graph = stance_graph()
     graph.add_obstacles([BOX])
-    return LowerBounds(graph).lazy_table
+    return graph.present
 
 
 def costs_to_go(costs):
@@ -279,18 +279,18 @@ def picture(renderer):
 
 
 CASES = {
-    "TwoLimbGraph": Case(among_obstacles, lambda g: g.successors(g.state(START)), steps_and_world),
+    "StanceGraph": Case(among_obstacles, lambda g: g.successors(g.state(START)), steps_and_world),
     "its own map": Case(
         lambda: stance_graph(LADDER), lambda g: g.neighbouring_nodes(tuple(g.points[0].tolist())),
         lambda g: (len(g), [g.successors(g.state(tuple(p))) for p in g.points[:3].tolist()]),
     ),
-    "ImplicitGraph": Case(three_limbs, plans_of_three_limbs, plans_of_three_limbs),
+    "of three limbs": Case(three_limbs, plans_of_three_limbs, plans_of_three_limbs),
     "without a table": Case(
         lambda: stance_graph(small_map(), "mlivr3"), plans_of_three_limbs, plans_of_three_limbs
     ),
     "Planner": Case(lambda: Planner(stance_graph()), plans, plans),
     "LowerBounds": Case(lambda: LowerBounds(stance_graph()), bounds, bounds),
-    "LazyTable": Case(lazy_table, checked_nodes, checked_nodes),
+    "PresentTable": Case(present_table, checked_nodes, checked_nodes),
     "TableSearch": Case(search, lambda _: None, found_by),
     "CostToGo": Case(
         lambda: Planner(stance_graph()).cost_to_go(TARGET), costs_to_go, costs_to_go

@@ -13,7 +13,6 @@ from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.node_table_build import build
-from mlivr_gym.stances.table_build import fill_rows
 
 COSTS = [("steps", None), ("base", None), ("weighted", 0.3)]
 """Costs by name and price of a regrasp [m]."""
@@ -31,10 +30,7 @@ def small_map():
 def small_table(limbs, is_unequal=False):
     """A graph on these points of limbs that are alike or not, and the table of its nodes."""
     graph = shared(stance_graph(small_map(), unequal(limbs) if is_unequal else f"mlivr{limbs}"))
-    if limbs == 2:
-        fill_rows(graph)
-    else:
-        graph.table = build(graph)
+    graph.graph_table = build(graph)
     return graph, graph.table
 
 

@@ -88,7 +88,7 @@ class Things:
     @cached_property
     def query(self):
         """Start and goal."""
-        graph, env = self["TwoLimbGraph"], self["MlivrEnv"]
+        graph, env = self["StanceGraph"], self["MlivrEnv"]
         return {"start": graph.ids(env.state.stance), "goal": env.goal.tolist()}
 
     @cached_property
@@ -112,7 +112,7 @@ class Things:
 
     def put_back(self):
         """Leave graphs and environments as they were."""
-        for name in ("TwoLimbGraph", "ImplicitGraph"):
+        for name in ("StanceGraph", "three-limb graph"):
             graph = self.made.get(name)
             if graph is not None and (graph.obstacles or graph.occupied):
                 graph.remove_obstacles()
@@ -134,7 +134,7 @@ def drawn_route(things):
 
 def walked(things):
     """A walk in the closed loop that was filmed."""
-    return run_closed_loop(things["TwoLimbGraph"], **things.query, max_steps=1, filmed=True)
+    return run_closed_loop(things["StanceGraph"], **things.query, max_steps=1, filmed=True)
 
 
 def mission(things):
@@ -142,17 +142,14 @@ def mission(things):
     plan = things["Plan"]
     bag = Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1))
     plan = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(bag,)))
-    return CargoMission(
-        0, things["Cargo"], (things["TwoLimbGraph"],) * 2, (plan,) * 2, (knots,) * 3
-    )
+    return CargoMission(0, things["Cargo"], (things["StanceGraph"],) * 2, (plan,) * 2, (knots,) * 3)
 
 
 MAKERS = {
-    "TwoLimbGraph": lambda of: stance_graph(of.map, settings=of.settings),
-    "StanceGraph": lambda of: of["TwoLimbGraph"],
-    "ImplicitGraph": lambda of: stance_graph(of.map, "mlivr3", of.settings),
+    "StanceGraph": lambda of: stance_graph(of.map, settings=of.settings),
+    "three-limb graph": lambda of: stance_graph(of.map, "mlivr3", of.settings),
     "GraspMap": lambda of: of.map,
-    "RobotSpec": lambda of: of["TwoLimbGraph"].robot,
+    "RobotSpec": lambda of: of["StanceGraph"].robot,
     "Settings": lambda of: of.settings,
     "MlivrEnv": lambda of: environment(of, render_mode="rgb_array", width=32, height=16),
     "Env": lambda of: of["MlivrEnv"],
@@ -164,12 +161,12 @@ MAKERS = {
     "PointObservation": lambda of: mlivr("agents.features").PointObservation(of["MlivrEnv"]),
     "Observation": lambda of: of["MlivrEnv"].reset(seed=0)[0],
     "State": lambda of: of["MlivrEnv"].state,
-    "Successors": lambda of: of["TwoLimbGraph"].successors(of["State"]),
+    "Successors": lambda of: of["StanceGraph"].successors(of["State"]),
     "Task": lambda of: Task(of["State"], np.array(of.query["goal"])),
     "Generator": lambda of: np.random.default_rng(0),
     "Randomness": lambda of: of["Generator"],
     "Moves": lambda of: of["MlivrEnv"].moves,
-    "Postures": lambda of: of["TwoLimbGraph"].posture(of["State"].stance),
+    "Postures": lambda of: of["StanceGraph"].posture(of["State"].stance),
     "LayoutTasks": lambda of: mlivr("envs.layout_tasks").LayoutTasks(),
     "WalkTasks": lambda of: mlivr("envs.tasks").WalkTasks(),
     "CostReward": lambda of: REWARDS["base"],
@@ -188,7 +185,7 @@ MAKERS = {
     "ImitationHyperparameters": lambda of: mlivr(
         "agents.hyperparameters"
     ).ImitationHyperparameters(),
-    "Planner": lambda of: Planner(of["TwoLimbGraph"]),
+    "Planner": lambda of: Planner(of["StanceGraph"]),
     "PlanningResult": lambda of: of["Planner"].plan(**of.query),
     "whole plan": lambda of: of["PlanningResult"].unwrap(),
     "Plan": lambda of: first_steps(of["whole plan"], 1),
@@ -205,7 +202,7 @@ MAKERS = {
     "Cause": lambda of: Cause((), "nothing"),
     "Change": lambda of: Change("obstacles", ("box",), True, 1),
     "SearchTree": lambda of: SearchTree(),
-    "Trajectory": lambda of: plan_trajectory(of["TwoLimbGraph"], of["Plan"], period=0.1),
+    "Trajectory": lambda of: plan_trajectory(of["StanceGraph"], of["Plan"], period=0.1),
     "Durations": lambda of: Durations(),
     "segments": lambda of: of["Plan"].joint_path(0).segments,
     "Camera": lambda of: Camera((0.0, 0.0, 0.0)),
@@ -219,7 +216,7 @@ MAKERS = {
     "Capsule": lambda of: of["RobotSpec"].mounted[0].capsules[0],
     "Visual": lambda of: Visual("upper_arm", "arm.obj"),
     "RobotFile": lambda of: read_robot(of.file("robot.urdf"), limbs=2),
-    "Execution": lambda of: execute(of["TwoLimbGraph"], of["Plan"]),
+    "Execution": lambda of: execute(of["StanceGraph"], of["Plan"]),
     "Recording": lambda of: of["Execution"].recording,
     "Peaks": lambda of: of["Execution"].peaks,
     "Capture": lambda of: of["Execution"].captures[0],
@@ -237,10 +234,10 @@ MAKERS = {
     "MjData": lambda of: of["Simulation"].data,
     "StationLoad": lambda of: station_load(of["Recording"]),
     "RunOutcome": lambda of: next(
-        iter(execute_many(of["TwoLimbGraph"], [of["Plan"]], samples=1, workers=1))
+        iter(execute_many(of["StanceGraph"], [of["Plan"]], samples=1, workers=1))
     ),
     "Reaction": lambda of: mlivr("extensions.reaction").step_reactions(
-        of["TwoLimbGraph"], of["Plan"]
+        of["StanceGraph"], of["Plan"]
     )[0],
     "Reach": lambda of: mlivr("extensions.failed_joints").Reach(3, 1),
     "Candidate": lambda of: Candidate(of["Plan"], "base", None, 1.0, 1.0, 1.0),
@@ -251,9 +248,9 @@ MAKERS = {
     "Footage": lambda of: Footage(),
     "Look": lambda of: Look(np.zeros((1, 3)), np.zeros((1, 3))),
     "DepthCamera": lambda of: DepthCamera(pixels=3),
-    "Belief": lambda of: Belief(of["TwoLimbGraph"], 0.003),
+    "Belief": lambda of: Belief(of["StanceGraph"], 0.003),
     "seven joints": lambda of: robot_spec("mlivr2-iiwa"),
-    "three limbs": lambda of: random_state(of["ImplicitGraph"], np.random.default_rng(0)),
+    "three limbs": lambda of: random_state(of["three-limb graph"], np.random.default_rng(0)),
     "spare": lambda of: jem_map().subset(np.arange(331) > 328, "spare"),
     "StudyDesign": lambda of: StudyDesign("things:row", {"a": (1, 2)}, 1),
     "RunBlock": lambda of: of["StudyDesign"].blocks[0],

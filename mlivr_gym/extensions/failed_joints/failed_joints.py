@@ -13,7 +13,7 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot import MOST_LIMBS, RobotSpec
 from mlivr_gym.schema import Integer, ListOf, Numbers
-from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, in_same_world
+from mlivr_gym.stances import StanceGraph, State, in_same_world
 
 SAME_ANGLE = 1e-3
 """A joint within this of its angle counts as at it [rad]."""
@@ -75,7 +75,7 @@ def _locked(
 
 
 @checked(GIVEN)
-def reach_without(graph: TwoLimbGraph, state: State, limb: int, joint: int, goals: Array) -> Reach:
+def reach_without(graph: StanceGraph, state: State, limb: int, joint: int, goals: Array) -> Reach:
     """Return what a robot reaches with a joint of a limb locked at its angle in a state.
 
     Goals have shape (k, 3) [m], with the radius `TOLERANCE`. A limb of seven joints holds the
@@ -90,7 +90,6 @@ def reach_without(graph: TwoLimbGraph, state: State, limb: int, joint: int, goal
         return _on_the_spot(graph, state, limb, joint, goals)
     robot = _locked(graph, state, [(limb, joint)])[0]
     locked = in_same_world(graph, robot=robot)
-    assert isinstance(locked, TwoLimbGraph)
     try:
         after, start = after_failure(graph, state, [(limb, joint)])
     except StanceError:
@@ -103,7 +102,7 @@ TOLERANCE = 0.2
 """Radius of a goal [m]."""
 
 
-def _on_the_spot(graph: TwoLimbGraph, state: State, limb: int, joint: int, goals: Array) -> Reach:
+def _on_the_spot(graph: StanceGraph, state: State, limb: int, joint: int, goals: Array) -> Reach:
     """Return the stances that a limb holds from where it is, and the goals at which they are."""
     angle = graph.robot.every_limb[limb].all_angles(graph.configuration(state)[2][limb])[joint - 1]
     bases = []

@@ -12,7 +12,7 @@ from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import RobotError, SettingError
 from mlivr_gym.extensions.failed_joints.failed_joints import reach_without
 from mlivr_gym.schema import Integer
-from mlivr_gym.stances import TwoLimbGraph, random_state
+from mlivr_gym.stances import random_state
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> None:
     that which it held; one of six can only stay where it is.
     """
     graph = chosen_graph(args)
-    if not isinstance(graph, TwoLimbGraph):
+    if not graph.lists_all:
         raise SettingError(f"failures needs two limbs; {graph.robot.name!r} has {graph.limbs}")
     rng = np.random.default_rng(args.seed)
     start = random_state(graph, rng) if args.start is None else graph.state(args.start)

@@ -18,7 +18,7 @@ from mlivr_gym.arguments import checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.planners import GOAL_TOLERANCE, QUERY, Planner
-from mlivr_gym.stances import StanceGraph, State, TwoLimbGraph, in_same_world
+from mlivr_gym.stances import StanceGraph, State, in_same_world
 
 OBSTACLES, THRESHOLD = KINDS = ("obstacles", "limb_threshold")
 """Kinds of changes; of two of equal size, that of the earlier kind comes first."""
@@ -71,7 +71,7 @@ def smallest_changes(
     change of each of `KINDS`, none if none of them alone is enough. Raises an `MlivrError` if an
     argument cannot be used, the start cannot be held, or the robot has more than two limbs.
     """
-    if not isinstance(graph, TwoLimbGraph):
+    if not graph.lists_all:
         raise SettingError(f"smallest changes need two limbs; robot {graph.robot.name!r} has more")
     state = graph.validated_state(start) if isinstance(start, State) else graph.state(start)
     region: dict[str, Any] = {"goal_tolerance": goal_tolerance, "goal_face": goal_face}
@@ -93,7 +93,7 @@ Steps = Callable[[StanceGraph], int | None]
 """Fewest steps of a plan in a world, None if there is none."""
 
 
-def _fewer_obstacles(graph: TwoLimbGraph, steps: Steps) -> Iterator[Change]:
+def _fewer_obstacles(graph: StanceGraph, steps: Steps) -> Iterator[Change]:
     """Yield the fewest obstacles and occupied points without which a plan exists.
 
     The problem is known as minimum constraint removal (Hauser, The International Journal of
@@ -117,7 +117,7 @@ def _fewer_obstacles(graph: TwoLimbGraph, steps: Steps) -> Iterator[Change]:
         yield Change(OBSTACLES, tuple(found), is_proved, without(found) or 0)
 
 
-def _lower_threshold(graph: TwoLimbGraph, steps: Steps) -> Iterator[Change]:
+def _lower_threshold(graph: StanceGraph, steps: Steps) -> Iterator[Change]:
     """Yield the highest threshold of w_m with which a plan exists, by bisection."""
 
     def threshold(count: int) -> float:

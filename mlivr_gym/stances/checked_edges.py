@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.stances.node_edges import edge_ends
+from mlivr_gym.stances.node_table import NodeTable
 
 INITIAL_CAPACITY = 1 << 14
 """Initial number of slots of the hash table, a power of two."""
@@ -56,6 +58,14 @@ class CheckedEdges(NamedTuple):
         _put(table, edges, kept)
         table.has_edges[nodes] = True
         return table
+
+    def without_nodes(self, table: NodeTable, gone: BoolArray) -> CheckedEdges:
+        """Return the hash table without the edges from or to some nodes of a table, (n,)."""
+        edges = self.keys[self.keys != EMPTY]
+        (before, _), (after, _), _ = edge_ends(table, edges)
+        stay = ~(gone[before] | gone[after])
+        empty = CheckedEdges.empty(len(gone))
+        return empty.with_edges(before[stay], edges[stay], self.kept_on(edges[stay]))
 
     def contains(self, edges: IntArray) -> BoolArray:
         """Return whether edges were checked, by their numbers, shape (k,)."""

@@ -1,18 +1,28 @@
-"""The table of steps: the same for any number of threads, and in both directions."""
+"""The table of two limbs: the same for any number of threads, in both directions, among boxes."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from compiled import called
 from paper import NO_COLLISIONS
+from small_tables import small_table
 
 from mlivr_gym import Box, Limb, Settings, State, robot_spec, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled.limb_branch_sets import supports_of
+from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.implicit_graph import ImplicitGraph
+from mlivr_gym.stances.node_edges import (
+    branches_lost,
+    edge_ends,
+    every_edge,
+    kept_by_table,
+    with_kept,
+)
+from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
-from mlivr_gym.stances.table_build import fill_rows
-from mlivr_gym.stances.two_limb_steps import longest_step
+from mlivr_gym.stances.table_build import build_table
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +36,7 @@ def filled(small_map, cache):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(kernels, "workers", lambda count, least: min(threads, max(count, 1)))
             graph = stance_graph(small_map)
-            fill_rows(graph)
+            build_table(graph)
         return graph
 
     return fill
@@ -37,42 +47,64 @@ def by_one_thread(filled):
     return filled(1)
 
 
+def tables_of(graph):
+    """All arrays of a table that was built."""
+    known = graph.graph_table
+    return [*known.nodes, *(getattr(known.listed.postures, name) for name in FIELDS)]
+
+
 def test_any_number_of_threads_gives_the_same_to_the_last_bit(filled, by_one_thread):
     alone, many = by_one_thread, filled(5)
-    assert alone.base_position.tobytes() == many.base_position.tobytes()
-    assert alone.w_m.tobytes() == many.w_m.tobytes()
-    np.testing.assert_array_equal(alone.steps.edges, many.steps.edges)
-    np.testing.assert_array_equal(alone.steps.releases, many.steps.releases)
+    for one, other in zip(tables_of(alone), tables_of(many), strict=True):
+        assert one.tobytes() == other.tobytes()
+    ours, theirs = (one.listed.releases for one in (alone, many))
+    np.testing.assert_array_equal(ours, theirs)
 
 
 def test_a_step_is_the_same_in_both_directions(by_one_thread):
-    graph = by_one_thread
-    known = graph._known
-    for held in range(2):
-        for point in np.unique(graph.points[:, held]):
-            before, after = graph.edges_of_row(held, int(point))
-            forth = known.table.edges[known.index(held, before, after)]
-            back = known.table.edges[known.index(held, after, before)]
-            assert np.array_equal(forth["kept"], back["kept"])
+    table = by_one_thread.table
+    edges = every_edge(table)
+    np.testing.assert_array_equal(
+        kept_by_table(table, edges), kept_by_table(table, edge_ends(table, edges)[2])
+    )
 
 
-def test_the_longest_step_of_a_row_is_that_of_all_its_pairs(small_graph):
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_what_edges_keep_is_what_both_nodes_have_but_for_what_is_lost(limbs):
+    """Against the kernels, and written back."""
+    table = small_table(limbs)[1]
+    bits = np.random.default_rng(2).permutation(int(table.offset[-1]))[:3000]
+    kept, edges = kept_by_table(table, bits), set(every_edge(table).tolist())
+    (before, i), (after, j), _ = edge_ends(table, bits)
+    for k, bit in enumerate(bits.tolist()):
+        of = called(supports_of)
+        a = of(table.branch_sets[before[k]], int(i[k]), limbs)
+        b = of(table.branch_sets[after[k]], int(j[k]), limbs)
+        lost = called(branches_lost)(table, bit)
+        assert kept[k] == (a & b & ~lost if bit in edges else 0)
+    assert np.count_nonzero(kept) > 20
+    again = with_kept(table, every_edge(table), kept_by_table(table, every_edge(table)))
+    for one, other in zip(again, table, strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
+def test_the_longest_step_is_that_of_all_pairs_that_share_a_point(small_graph):
     graph, longest = small_graph, 0.0
     for held in range(2):
-        out = np.zeros(len(graph.grasp_map))
-        longest_step(held, graph.steps.rows, graph.steps.row_start, graph.base_position, out)
-        for point in range(len(out)):
+        for point in range(len(graph.grasp_map)):
             places = graph.base_position[graph.points[:, held] == point]
             between = places[:, None] - places[None]
-            assert out[point] == pytest.approx((between**2).sum(axis=2).max(initial=0.0))
-        longest = max(longest, float(np.sqrt(out.max())))
-    assert graph.max_displacement == pytest.approx(longest)
+            longest = max(longest, float((between**2).sum(axis=2).max(initial=0.0)))
+    assert graph.max_displacement == pytest.approx(longest**0.5)
 
 
-def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map):
+@pytest.mark.parametrize("built", [False, True])
+def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small_map, built):
     """Boxes come one by one, each asked about at once, against a graph that has them all."""
     few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
     grown, rng = stance_graph(few), np.random.default_rng(3)
+    if built:
+        build_table(grown)
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
     boxes = []
     for k in range(10):
@@ -81,41 +113,46 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
         grown.add_obstacles(boxes[-1:])
         if k == 2:
             grown.occupy([0, 5])
-        for held in range(2):
-            for point in rng.permutation(np.unique(grown.points[:, held]))[:12].tolist():
-                before, after = grown.edges_of_row(held, point)
-                grown.check_steps(np.full_like(before, held), before, after)
+        edges = rng.permutation(every_edge(grown.table))[:200]
+        seen = grown.present.kept_at_most(edges)
+        assert not (grown.present.kept(edges) & ~seen).any()
     fresh = stance_graph(few)
     fresh.add_obstacles(boxes)
     fresh.occupy([0, 5])
     ours, theirs = step_tables(grown), step_tables(fresh)
     for name, one, other in zip(ours._fields, ours, theirs, strict=True):
         np.testing.assert_array_equal(one, other, err_msg=name)
+    grown.remove_obstacles()
+    grown.vacate()
+    for one, other in zip(step_tables(grown), step_tables(stance_graph(few)), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_releases_among_boxes_that_come_one_by_one_are_those_among_all(small_map):
-    """Against a graph that has all boxes from the start; some open another branch."""
+    """Against a graph that has all boxes from the start; none opens a branch."""
     few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
-    grown, rng, gained = stance_graph(few), np.random.default_rng(3), []
-    every = np.stack(np.divmod(np.arange(2 * len(grown)), 2), axis=1)
+    grown, rng, lost = stance_graph(few), np.random.default_rng(3), 0
     low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
+
+    def releasable(graph):
+        found = graph.all_releases(graph.points, graph.node_postures(np.arange(len(graph))))
+        return found["branches"].copy()
+
     for trial in range(3):
         grown.remove_obstacles()
-        boxes, before = [], None
+        boxes, before = [], releasable(grown)
         for k in range(5):
             centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
             boxes.append(Box.between(f"b{trial}{k}", "obstacle", centre - half, centre + half))
             grown.add_obstacles(boxes[-1:])
             fresh = stance_graph(few)
             fresh.add_obstacles(boxes)
-            for graph in (grown, fresh):
-                graph.check_releases(every)
-            now = fresh.releasable.copy()
-            np.testing.assert_array_equal(grown.releasable, now)
-            if before is not None:
-                gained.append(bool((now & ~before)[before != 0].any()))
+            now = releasable(fresh)
+            np.testing.assert_array_equal(releasable(grown), now)
+            assert not (now & ~before).any()
+            lost += int((now != before).any())
             before = now
-    assert min(gained.count(True), gained.count(False)) >= 3
+    assert lost >= 3
 
 
 LIMITS, STARTS = ((-2.7, 2.7),) * 6, (-2.7,) * 6
@@ -147,7 +184,7 @@ def steps_of(found):
 def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_map, robot, settings):
     """Asked one stance at a time."""
     graph = stance_graph(small_map, robot, settings)
-    tables, implicit = step_tables(graph), ImplicitGraph(small_map, graph.robot, settings)
+    tables, implicit = step_tables(graph), StanceGraph(small_map, graph.robot, settings)
     count = 0
     for s in np.random.default_rng(1).integers(0, len(graph), 12):
         state = State(tuple(graph.points[s].tolist()), tuple(graph.branch_sets[s].tolist()))
