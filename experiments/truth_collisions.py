@@ -126,9 +126,7 @@ def one_step(graph: StanceGraph, before: Sequence[int], after: Sequence[int]) ->
     return None if reached is None else plan_of(graph, [state, reached], np.zeros(3), 0.0, "astar")
 
 
-def random_step(
-    graph: StanceGraph, free: StanceGraph, rng: np.random.Generator
-) -> tuple[int, int]:
+def random_step(graph: StanceGraph, free: StanceGraph, rng: np.random.Generator) -> tuple[int, int]:
     """Return both stances of a random step that is possible without collisions."""
     while True:
         s0, held = int(rng.integers(len(graph))), int(rng.integers(2))

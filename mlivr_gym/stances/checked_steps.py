@@ -119,7 +119,8 @@ class CheckedSteps(ChangingWorld):
         """Compute releases among obstacles, each with its key; some are known without, (k,).
 
         The motion by which a limb is released is chosen without obstacles, which only remove
-        branches from it: so obstacles never add a step. It is kept for other obstacles.
+        branches from it: so obstacles never add a step. It is kept for other obstacles, and stays
+        as it is out of their reach.
         """
         kept = self._free_releases
         if len(kept) > MOST_RELEASES:
@@ -140,7 +141,8 @@ class CheckedSteps(ChangingWorld):
         for k in np.flatnonzero(~known).tolist():
             stances.releases[*todo[k]] = kept[keys[k]]
         every = stances._replace(branch_sets=np.full_like(stances.branch_sets, ALL))
-        self.checks.release(every, todo, self.checks.world(self.obstacle_grid, obstacles_only=True))
+        near = todo[self.may_touch_obstacles(stances.base["position"][todo[:, 0]])]
+        self.checks.release(every, near, self.checks.world(self.obstacle_grid, obstacles_only=True))
 
     def branch_set_after_grasp(self, state: State, limb: int) -> int:
         """Return the branches and flips that a limb may be on after it has grasped."""

@@ -38,7 +38,7 @@ def test_nodes_are_worked_out_and_then_found_by_planners(run, part):
     assert code == 0
     (last,) = out.splitlines()
     assert str(TABLES.cached(graph)) in last
-    assert len(found.points) > 10
+    assert len(found.nodes.points) > 10
 
 
 def test_all_steps_of_two_limbs_are_worked_out_and_then_known_at_once(run, part):

@@ -51,7 +51,9 @@ def is_equal(table, other):
 def unpacked(known):
     """A table in the cache folder that was checked, and in compressed form."""
     graph, table = known
-    TABLES.write(graph, GraphTable(table, False), TABLES.cached(graph).with_name(TABLES.name(graph)))
+    TABLES.write(
+        graph, GraphTable(table, False), TABLES.cached(graph).with_name(TABLES.name(graph))
+    )
     path = TABLES.cache(graph, GraphTable(table, False))
     assert is_equal(found(graph), table)
     return path

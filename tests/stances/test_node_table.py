@@ -12,6 +12,7 @@ from mlivr_gym.compiled.limb_branch_sets import unpacked
 from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling, relabelled
 from mlivr_gym.stances.checked_steps import join
+from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.node_edges import (
     branches_lost,
     edge_ends,
@@ -119,7 +120,7 @@ def test_what_steps_keep_at_most_is_what_they_may_keep_there_or_back(graph, tabl
 def test_steps_are_the_same_with_the_table(graph, table):
     """From states on all branches and on few, with all points free or not."""
     known, rng, found = stance_graph(graph.grasp_map, graph.robot), np.random.default_rng(6), 0
-    known.table = table
+    known.graph_table = GraphTable(table, False)
     for trial in range(60):
         state = random_state(graph, rng)
         if trial % 3 == 1:
