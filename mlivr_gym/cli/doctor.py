@@ -130,7 +130,7 @@ def _version_list(packages: dict[str, str | None]) -> str:
 def _cache_report() -> dict[str, Any]:
     """Return the state of compiled code and of the cache folders."""
     tables, code = cache_folder(), kernel_root()
-    stored = list(tables.glob("pairs-*.npz")) if tables is not None else []
+    stored = list(tables.glob("table-*-unpacked.npz")) if tables is not None else []
     why = why_compiled(kernel_digest(FIRST_PLAN))
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"

@@ -18,8 +18,7 @@ from typing import NamedTuple
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 
 TABLES = {
-    "all steps of two limbs": r"(pairs|steps)-[0-9a-f]+\.npz",
-    "all nodes of three or four limbs": r"nodes-[0-9a-f]+(-\w+)?\.(npz|npy|xz)(\.checked)?",
+    "table of a stance graph": r"(table|nodes|pairs)-[0-9a-f]+(-unpacked)?\.npz(\.checked)?",
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",
 }

@@ -61,11 +61,15 @@ class CheckedEdges(NamedTuple):
 
     def without_nodes(self, table: NodeTable, gone: BoolArray) -> CheckedEdges:
         """Return the hash table without the edges from or to some nodes of a table, (n,)."""
-        edges = self.keys[self.keys != EMPTY]
+        edges, kept = self.all_edges()
         (before, _), (after, _), _ = edge_ends(table, edges)
         stay = ~(gone[before] | gone[after])
-        empty = CheckedEdges.empty(len(gone))
-        return empty.with_edges(before[stay], edges[stay], self.kept_on(edges[stay]))
+        return CheckedEdges.empty(len(gone)).with_edges(before[stay], edges[stay], kept[stay])
+
+    def all_edges(self) -> tuple[IntArray, NDArray[np.uint64]]:
+        """Return the numbers of all edges and the branch sets kept on them, shape (k,) each."""
+        some = self.keys != EMPTY
+        return self.keys[some], self.kept[some]
 
     def contains(self, edges: IntArray) -> BoolArray:
         """Return whether edges were checked, by their numbers, shape (k,)."""

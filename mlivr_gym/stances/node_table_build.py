@@ -68,8 +68,11 @@ def _with_releases(graph: StanceGraph, parts: Parts) -> tuple[ListedStances, Nod
     """Return the listed stances of a graph with their releases, and their table without edges."""
     _check_empty(graph)
     known, points = graph.listed, graph.points
-    (releases,) = parts.get("released", lambda: [graph.all_releases(points, known.postures)])
-    releases = np.asarray(releases).view(ReleaseRecord.dtype)
+    releases = ReleaseRecord.rows(*points.shape)
+    releases["branches"], releases["known"] = known.postures.branch_sets, True
+    if graph.settings.transitions:
+        found = parts.get("released", lambda: [graph.all_releases(points, known.postures)])
+        releases = np.asarray(found[0]).view(ReleaseRecord.dtype)
     return known._replace(releases=releases), table_of_listed(
         points, known.postures, releases["branches"], releases["folds"]
     )

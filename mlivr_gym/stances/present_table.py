@@ -103,11 +103,7 @@ class PresentTable:
         own = ("branch_sets", "releasable", *(("joined",) if self._known.listed else ()))
         if previous is not None and previous.table is not free:
             self.table, self._cells = previous.table, previous._cells
-            for rows in previous._changed:
-                self.table.branch_sets[rows] = free.branch_sets[rows]
-                self.table.releasable[rows] = free.releasable[rows]
-            if "joined" in own:
-                self.table.joined[...] = free.joined
+            self._restore(np.concatenate([np.zeros(0, dtype=np.int64), *previous._changed]))
         else:
             self.table = free._replace(**{name: getattr(free, name).copy() for name in own})
         if self._boxes:
@@ -115,21 +111,36 @@ class PresentTable:
             self.unchecked = self._is_close.copy()
 
     def _continue(self, previous: PresentTable) -> None:
-        """Start from what was found before some obstacles were added."""
-        self._cells = previous._cells
+        """Start from what was found before some obstacles were added.
+
+        What is close to these starts anew: of two branches that a limb cannot change between, more
+        obstacles may leave the other one.
+        """
         if previous.table is self._known.nodes:
             self._begin(None)
         else:
-            self.table, self._changed = previous.table, previous._changed
+            self.table, self._cells = previous.table, previous._cells
+            self._changed = previous._changed
             added = box_grid(self._boxes[len(previous._boxes) :], OBSTACLE_CELL_EDGE)
             close, near = self._around(added)
             unchecked = previous.unchecked if len(previous.unchecked) else previous._is_close
             self._is_close, self._is_near = previous._is_close | close, previous._is_near | near
             self.unchecked = unchecked | close
+            self._restore(np.flatnonzero(close))
         self.checked_edges = previous.checked_edges.without_nodes(self.table, self._is_near)
         self._checked = self.checked_edges
         if self._looks:
             self._checked = previous._checked.without_nodes(self.table, self._is_near)
+        edges, kept = self.checked_edges.all_edges()
+        self._block(edges, edges, kept)
+
+    def _restore(self, rows: IntArray) -> None:
+        """Let nodes have the branches, and the table the edges, of the world without obstacles."""
+        free = self._known.nodes
+        self.table.branch_sets[rows] = free.branch_sets[rows]
+        self.table.releasable[rows] = free.releasable[rows]
+        if self.table.joined is not free.joined:
+            self.table.joined[...] = free.joined
 
     def _around(self, grid: BoxGrid | None) -> tuple[BoolArray, BoolArray]:
         """Return which nodes, and which ends of steps, may be close to obstacles, shape (n,) each.

@@ -12,7 +12,6 @@ from mlivr_gym.cli import build
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_file import TABLES
-from mlivr_gym.stances.table_files import TableFiles
 
 
 @pytest.fixture
@@ -58,11 +57,12 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     path = tmp_path / "mine.npz"
     monkeypatch.setenv("MLIVR_GYM_CACHE", "")
     code, out, _ = run("build", "--map", part, "--out", str(path))
+    table_files._memory.clear()
     graph = stance_graph(part)
     assert code == 0
     assert not graph.is_complete
     assert f"table: {path} (name it {TABLES.name(graph)} in a cache folder)" in out
-    assert np.array_equal(TABLES.read(graph, path).points, graph.points)
+    assert np.array_equal(TABLES.read(graph, path).nodes.points, graph.points)
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "other"))
     (tmp_path / "other").mkdir()
     path.rename(tmp_path / "other" / TABLES.name(graph))
@@ -72,7 +72,7 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--robot", "mlivr3", "--no-transitions"], "where steps are checked"),
+        (["--robot", "mlivr3", "--no-transitions"], "steps are checked"),
         (["--robot", "five.json"], "three or four limbs"),
     ],
 )
@@ -114,7 +114,7 @@ def test_a_table_that_is_not_kept_in_the_end_is_no_success(run, part, monkeypatc
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(TableFiles, "write", full)
+    monkeypatch.setattr(table_files, "write_whole", full)
     code, out, _ = run("build", "--map", part)
     assert code == 1
     assert "stored: " not in out

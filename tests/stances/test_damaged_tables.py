@@ -159,7 +159,7 @@ def write_with_header(graph, table, path, header, mapped):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(np.lib.format, "write_array", other)
-        arrays = table._asdict() if mapped else TABLES.encode(graph, table)
+        arrays = table._asdict() if mapped else TABLES.encode(graph, GraphTable(table, False))
         compression = 0 if mapped else TABLES.compression
         path.write_bytes(TABLES.pack(graph, arrays, compression))
     assert np.lib.format.write_array is write
@@ -226,5 +226,5 @@ def test_a_table_is_on_the_disk_before_it_has_its_name(known, cache, monkeypatch
     monkeypatch.setattr(
         files.os, "replace", lambda *names: events.append(("name", 0)) or replace(*names)
     )
-    path = TABLES.cache(*known)
+    path = TABLES.cache(known[0], GraphTable(known[1], False))
     assert events == [("file", path.stat().st_size), ("name", 0), ("folder", 0)]

@@ -146,10 +146,11 @@ def graph_and_tables(small_map, tmp_path_factory):
 @pytest.mark.parametrize(
     ("array", "field", "value"),
     [
-        ("released", "folds", 8), ("edge_index", None, 255),
+        ("released", "folds", 8), ("lost_index", None, 1 << 30),
         ("released", "root", 1 << 40), ("released", "root", -1), ("released", "via", 100),
-        ("released", "branches", -1), ("mask", None, 1 << 20), ("mask", None, -5),
-        ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13), ("points", None, 60_000),
+        ("released", "branches", -1), ("mask_index", None, 1 << 30), ("mask", None, -5),
+        ("manipulability_index", None, 1 << 20), ("tried", None, 1 << 13),
+        ("point_increments", None, 30_000),
     ],
 )  # fmt: skip
 def test_tables_of_steps_with_other_numbers_are_worked_out_anew(

@@ -148,7 +148,8 @@ def test_steps_are_the_same_with_the_table(graph, table):
 def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
     """Releases begin with what it says of them, and are the same as without it."""
     known, plain = (stance_graph(graph.grasp_map, graph.robot) for _ in range(2))
-    known.table, rng, fewer = table, np.random.default_rng(2), 0
+    known.graph_table = GraphTable(table, False)
+    rng, fewer = np.random.default_rng(2), 0
     points = table.points[:: len(table.points) // 20].astype(np.int64)
     for _ in range(12):
         state = random_state(graph, rng)
