@@ -113,7 +113,7 @@ def test_threads_share_a_graph_and_an_implicit_graph():
 
     for new in (stance_graph, lambda: stance_graph(small_map(), "mlivr3")):
         alone, together = new(), new()
-        if hasattr(alone, "points"):
+        if alone.lists_all:
             stances = [tuple(p) for p in alone.points[:: len(alone) // 40].tolist()]
             world = Box.between("b", "obstacle", (2.0, -0.6, -1.0), (2.6, 0.4, -0.4))
             for graph in (alone, together):
@@ -144,7 +144,7 @@ def among_obstacles():
 @pytest.mark.parametrize(
     ("new", "ask"),
     [
-        (stance_graph, lambda one: one.table), (stance_graph, lambda one: one.branch_sets),
+        (stance_graph, lambda one: one.present), (stance_graph, lambda one: one.branch_sets),
         (MlivrEnv, lambda one: one.moves), (among_obstacles, lambda one: one.moves),
         (stance_graph, find_table), (stance_graph, pickle.dumps),
         (lambda: stance_graph(None, "mlivr3"), pickle.dumps),

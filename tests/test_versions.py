@@ -96,11 +96,11 @@ def test_what_ships_is_of_this_version(env):
     ("place", "value", "said"),
     [
         ("rules", GRAPH_RULES + 1, f"has rules {GRAPH_RULES + 1}, and this version has rules"),
-        ("format", 7, "has format 7, and this version has format 9;"),
+        ("format", 6, "has format 6, and this version has format 7;"),
         ("robot", "0" * 16, "is for another robot;"),
         ("map", "0" * 16, "is for another map;"),
         ("settings", asdict(Settings(clearance=0.01)), "is for other settings (clearance);"),
-        (None, None, "is damaged, or not of format 9;"),
+        (None, None, "is damaged, or not of format 7;"),
     ],
 )
 def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):
@@ -115,7 +115,7 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     )
     with zipfile.ZipFile(file) as data:
         kept = {name: data.read(name) for name in data.namelist()}
-    wrong = {**kept, "edges.npy": bytes(len(kept["edges.npy"]))}
+    wrong = {**kept, "lost.npy": bytes(len(kept["lost.npy"]))}
     if place is None:
         del wrong[HEAD]
     else:

@@ -27,7 +27,8 @@ from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.motion.swings import SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.reach import base_along, reach_all
-from mlivr_gym.postures.records import CandidatePose, PostureScratch, StanceGeometry
+from mlivr_gym.postures.records import CandidatePose, StanceGeometry
+from mlivr_gym.postures.solver import SCRATCH
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
@@ -198,14 +199,11 @@ class _MotionDraft:
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._candidate, self._scratch = (
-            StanceGeometry.rows(count),
-            CandidatePose.rows(count),
-            PostureScratch.rows(1),
-        )
+        held, self._candidate = StanceGeometry.rows(count), CandidatePose.rows(count)
         held["grasps"][:, :limbs] = solver.grasps[self.points]
         self._candidate["base"] = self.postures.base_rows
-        reach_all(graph.checks.robots, held, self._candidate, self._scratch)
+        with SCRATCH.borrowed() as scratch:
+            reach_all(graph.checks.robots, held, self._candidate, scratch(1))
         self._w: Array = self._candidate["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
@@ -302,5 +300,6 @@ class _MotionDraft:
         """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
         w_b = np.empty(len(self.points))
-        base_along(self.graph.checks.robots, self._candidate, self.branches, self._scratch, w_b)
+        with SCRATCH.borrowed() as scratch:
+            base_along(self.graph.checks.robots, self._candidate, self.branches, scratch(1), w_b)
         return w_m, w_b

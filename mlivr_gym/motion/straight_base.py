@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.places import LineScratch
+from mlivr_gym.collisions.joint_lines import JointLine
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
@@ -44,8 +44,8 @@ class FollowingSupports:
         """Prepare a step with given ends."""
         self._graph, self._ends, self._path = graph, ends, path_of(ends)
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        self._lines, out = LineScratch.rows(1), Angles.rows(1, graph.limbs)
-        self._line = line = self._lines[0]["line"]
+        self._lines, out = graph.checks.line_scratch, Angles.rows(1, graph.limbs)
+        self._line = line = JointLine.row()
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
         held_angles(self._robots, base, grasps, branches[:, : graph.limbs].copy(), out)
@@ -69,6 +69,7 @@ class FollowingSupports:
             line["first"]["q"][: len(ends.joints[side])] = ends.joints[side]
             line["last"]["q"][: len(ends.joints[side])] = ends.joints[side]
         line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
+        self._lines[0]["line"] = line
         return bool(line_clear(limb, self._robots, self._world, self._lines))
 
     def knots(self, a: Array, b: Array) -> Array:

@@ -18,6 +18,7 @@ from mlivr_gym.collisions.queries import (
     remove_touching_branches,
 )
 from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.poses import Pose, poses
 from mlivr_gym.postures.base_poses import (
@@ -41,6 +42,9 @@ from mlivr_gym.postures.selection import solve_alone, solve_among_boxes
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
+
+SCRATCH = ScratchPool(PostureScratch)
+"""Scratch of the choice of postures."""
 
 LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
 """Minimum number of stances of two, and of more limbs that are computed in threads."""
@@ -153,7 +157,8 @@ class PostureSolver:
         rules = self._rules(self.settings.thresholds(self.robot.limbs), False)
         out, world = np.zeros(len(sets), dtype=np.bool_), self._world(rules)
         asked = np.ascontiguousarray(sets), orders_of(self.robot), world, region, out
-        in_parallel(len(sets), sets_in_reach, *asked, scratch_rows=PostureScratch.rows)
+        with SCRATCH.borrowed() as rows:
+            in_parallel(len(sets), sets_in_reach, *asked, scratch_rows=rows)
         return out
 
     def _rules(
@@ -193,5 +198,5 @@ class PostureSolver:
     def _run(self, kernel: Any, stances: IntArray, *args: object) -> None:
         """Call an entry for some stances, in threads if they are many."""
         least = LEAST_IN_THREADS if self.robot.limbs == 2 else MANY_LIMBS_IN_THREADS
-        rows = PostureScratch.rows
-        in_parallel(len(stances), kernel, stances, *args, scratch_rows=rows, least=least)
+        with SCRATCH.borrowed() as rows:
+            in_parallel(len(stances), kernel, stances, *args, scratch_rows=rows, least=least)

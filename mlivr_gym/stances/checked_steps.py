@@ -63,6 +63,16 @@ class CheckedSteps(ChangingWorld):
         """
 
     @property
+    @abstractmethod
+    def max_displacement(self) -> float:
+        """An upper bound of the base displacement of one step [m]."""
+
+    def is_node(self, postures: Postures) -> BoolArray:
+        """Return which stances are nodes of the graph, given by their postures, shape (k,)."""
+        node: BoolArray = np.all(postures.branch_sets > 0, axis=1)
+        return node
+
+    @property
     def limbs(self) -> int:
         """Number of limbs."""
         return self.robot.limbs
@@ -90,7 +100,9 @@ class CheckedSteps(ChangingWorld):
                 new.append((row, limb, key))
             else:
                 stances.releases[row, limb] = found
-        unknown = np.array([k[:2] for k in new], dtype=np.int64).reshape(-1, 2)
+        if not new:
+            return
+        unknown = np.array([k[:2] for k in new], dtype=np.int64)
         rows, limbs = unknown.T
         known, found = self._known_releases(stances, unknown)
         stances.releases[rows[known], limbs[known]] = found[known]
@@ -141,8 +153,10 @@ class CheckedSteps(ChangingWorld):
         for k in np.flatnonzero(~known).tolist():
             stances.releases[*todo[k]] = kept[keys[k]]
         every = stances._replace(branch_sets=np.full_like(stances.branch_sets, ALL))
-        near = todo[self.may_touch_obstacles(stances.base["position"][todo[:, 0]])]
-        self.checks.release(every, near, self.checks.world(self.obstacle_grid, obstacles_only=True))
+        close = todo[self.may_touch_obstacles(stances.base["position"][todo[:, 0]])]
+        self.checks.release(
+            every, close, self.checks.world(self.obstacle_grid, obstacles_only=True)
+        )
 
     def branch_set_after_grasp(self, state: State, limb: int) -> int:
         """Return the branches and flips that a limb may be on after it has grasped."""

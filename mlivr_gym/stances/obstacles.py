@@ -267,13 +267,13 @@ class ChangingWorld(Locked, ABC):
 
     def may_touch_obstacles(self, positions: Array) -> BoolArray:
         """Return whether robots with bases at rest at positions may touch one, (k, 3) -> (k,)."""
-        near, grid = np.zeros(len(positions), dtype=np.bool_), self.obstacle_grid
+        close, grid = np.zeros(len(positions), dtype=np.bool_), self.obstacle_grid
         if grid is not None:
             bounds, reach = grid.boxes["bounds"], self.robot.extent + self.settings.clearance
             for low, high in zip(bounds["low"], bounds["high"], strict=True):
                 gap = np.maximum(np.maximum(low - positions, positions - high), 0.0)
-                near |= np.linalg.norm(gap, axis=1) <= reach + SLACK
-        return near
+                close |= np.linalg.norm(gap, axis=1) <= reach + SLACK
+        return close
 
     def close_to_obstacles(
         self, positions: PositionCells, reach: float, grid: BoxGrid | None = None

@@ -9,7 +9,7 @@ Srinivasa 2016). While the world only gains obstacles, what was found far from t
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,15 +20,13 @@ from mlivr_gym.compiled.limb_branch_sets import clear_bits, packed, unpacked
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_edges import CheckedEdges
+from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.node_edges import edge_ends, every_edge, kept_by_table, with_kept
 from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
 from mlivr_gym.transitions.steps import KEPT_CLEAR
-
-if TYPE_CHECKING:
-    from mlivr_gym.stances.stance_postures import StancePostures
 
 EDGE_EFFORT, NODE_EFFORT = 250, 4
 """Expansions that take about as long as to check an edge, and a node (four limbs, obstacles)."""
@@ -58,13 +56,13 @@ class PresentTable:
         Effort of all checks so far, see `EDGE_EFFORT`.
     """
 
-    def __init__(self, graph: StancePostures, previous: PresentTable | None = None) -> None:
+    def __init__(
+        self, graph: CheckedSteps, known: GraphTable, previous: PresentTable | None = None
+    ) -> None:
         """Start with what is known in the present world.
 
         A table of an earlier world of the graph, which is not used any more then, saves time.
         """
-        known = graph.graph_table
-        assert known is not None
         self.graph, self.version, self._known = graph, graph.version, known
         self._boxes = graph.obstacles
         self.table, self.check_effort, self.unchecked = known.nodes, 0, NO_NODES
@@ -75,7 +73,7 @@ class PresentTable:
             self._checked = CheckedEdges.empty(len(self.table.points))
         self._changed: list[IntArray] = []
         self._cells: PositionCells | None = None
-        self._is_close = self._is_near = np.zeros(len(self.table.points), dtype=np.bool_)
+        self._is_close = self._is_at_step = np.zeros(len(self.table.points), dtype=np.bool_)
         if previous is not None and previous._known is not known:
             previous = None
         if not (graph.obstacles or not known.is_built):
@@ -87,7 +85,7 @@ class PresentTable:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and no results of checks."""
-        return type(self), (self.graph,)
+        return type(self), (self.graph, self._known)
 
     def is_of(self, known: GraphTable | None) -> bool:
         """Return whether it is made from a table."""
@@ -107,7 +105,7 @@ class PresentTable:
         else:
             self.table = free._replace(**{name: getattr(free, name).copy() for name in own})
         if self._boxes:
-            self._is_close, self._is_near = self._around(self.graph.obstacle_grid)
+            self._is_close, self._is_at_step = self._around(self.graph.obstacle_grid)
             self.unchecked = self._is_close.copy()
 
     def _continue(self, previous: PresentTable) -> None:
@@ -122,15 +120,18 @@ class PresentTable:
             self.table, self._cells = previous.table, previous._cells
             self._changed = previous._changed
             added = box_grid(self._boxes[len(previous._boxes) :], OBSTACLE_CELL_EDGE)
-            close, near = self._around(added)
+            close, at_step = self._around(added)
             unchecked = previous.unchecked if len(previous.unchecked) else previous._is_close
-            self._is_close, self._is_near = previous._is_close | close, previous._is_near | near
+            self._is_close, self._is_at_step = (
+                previous._is_close | close,
+                previous._is_at_step | at_step,
+            )
             self.unchecked = unchecked | close
             self._restore(np.flatnonzero(close))
-        self.checked_edges = previous.checked_edges.without_nodes(self.table, self._is_near)
+        self.checked_edges = previous.checked_edges.without_nodes(self.table, self._is_at_step)
         self._checked = self.checked_edges
         if self._looks:
-            self._checked = previous._checked.without_nodes(self.table, self._is_near)
+            self._checked = previous._checked.without_nodes(self.table, self._is_at_step)
         edges, kept = self.checked_edges.all_edges()
         self._block(edges, edges, kept)
 
@@ -150,10 +151,10 @@ class PresentTable:
         graph = self.graph
         self._cells = self._cells or PositionCells.of(self._known.nodes.base_position)
         reach = graph.robot.extent + graph.settings.clearance + KEPT_CLEAR
-        on_way = reach + 0.5 * graph.max_displacement
+        for_steps = reach + 0.5 * graph.max_displacement
         return (
             graph.close_to_obstacles(self._cells, reach, grid),
-            graph.close_to_obstacles(self._cells, on_way, grid),
+            graph.close_to_obstacles(self._cells, for_steps, grid),
         )
 
     def check_nodes(self, rows: IntArray) -> None:
@@ -209,15 +210,15 @@ class PresentTable:
         """Look at edges that are known without obstacles, in a few places each."""
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept = kept_by_table(self.table, edges)
-        near = np.flatnonzero(self._is_near[ends].any(axis=0) & (kept != 0))
-        steps, stances, _ = self._steps(edges[near])
-        supports, rows = unpacked(kept[near], graph.limbs - 1), np.arange(len(near))
+        some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
+        steps, stances, _ = self._steps(edges[some])
+        supports, rows = unpacked(kept[some], graph.limbs - 1), np.arange(len(some))
         for k in range(graph.limbs - 1):
             steps["kept"][rows, (steps["limb"] + 1 + k) % graph.limbs] = supports[:, k]
         world = graph.checks.world(graph.obstacle_grid, obstacles_only=True)
         graph.checks.look(steps, stances, world)
-        self.check_effort += EDGE_EFFORT * len(near)
-        kept[near] = _of_supports(steps["kept"][:, : graph.limbs], steps["limb"])
+        self.check_effort += EDGE_EFFORT * len(some)
+        kept[some] = _of_supports(steps["kept"][:, : graph.limbs], steps["limb"])
         self.checked_edges = _recorded(self.checked_edges, ends, edges, back, kept)
         self._block(edges, back, kept)
 
@@ -226,7 +227,7 @@ class PresentTable:
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept, some = kept_by_table(self.table, edges), np.arange(len(edges))
         if self._known.is_exact:
-            some = np.flatnonzero(self._is_near[ends].any(axis=0) & (kept != 0))
+            some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
         steps, stances, relabellings = self._steps(edges[some])
         rows = np.concatenate(ends[:, some])
         known = stances.releases["known"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -70,10 +69,11 @@ class StancePostures(CheckedSteps):
     def present(self) -> PresentTable:
         """The table among the present obstacles, with the results of earlier checks there."""
         known, present = self.graph_table, self._present
+        if known is None:
+            raise SettingError(f"no table of robot {self.robot.name!r} was built for this map")
         if present is None or present.version != self.version or not present.is_of(known):
-            self._present = PresentTable(self, present)
-        assert self._present is not None
-        return self._present
+            self._present = present = PresentTable(self, known, present)
+        return present
 
     @property
     def listed(self) -> ListedStances:
@@ -149,11 +149,6 @@ class StancePostures(CheckedSteps):
     def branch_sets(self) -> IntArray:
         """Branches and flips on which limbs may hold at the listed stances at present, (n, N)."""
         return self.node_postures(np.arange(len(self))).branch_sets
-
-    @property
-    @abstractmethod
-    def max_displacement(self) -> float:
-        """An upper bound of the base displacement of one step [m]."""
 
     def find(self, stance: Sequence[int]) -> int:
         """Return the row of a stance in the table, given by point indices, -1 if it is no node."""
@@ -304,11 +299,6 @@ class StancePostures(CheckedSteps):
         self.check_stance(stance)
         return self.postures(np.array([stance], dtype=np.int64))
 
-    def is_node(self, postures: Postures) -> BoolArray:
-        """Return which stances are nodes of the graph, given by their postures, shape (k,)."""
-        node: BoolArray = np.all(postures.branch_sets > 0, axis=1)
-        return node
-
     def postures_at(
         self,
         stances: IntArray,
@@ -363,9 +353,12 @@ class StancePostures(CheckedSteps):
                 np.ones(len(rows), dtype=np.bool_),
             )
         found, relabellings = known.nodes.find(points, self.robot)
-        told = node_stances(self.grasp_map, self.robot, known.nodes, found, -relabellings)
-        if known.listed is not None and known.listed.releases is not None:
-            told.releases[...] = known.listed.releases[found]
+        if known.listed is None:
+            told = node_stances(self.grasp_map, self.robot, known.nodes, found, -relabellings)
+        else:
+            told = self.checks.stances(points, known.listed.postures.take(found))
+            if known.listed.releases is not None:
+                told = told._replace(releases=known.listed.releases[found])
         off: BoolArray = (found < 0) | _differ(told.base, base)
         told.releases["known"][off | (not known.is_built)] = False
         return told._replace(points=points, base=base), off

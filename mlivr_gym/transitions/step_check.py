@@ -7,13 +7,16 @@ stored by the graphs: for two limbs in a table, for more limbs by stance.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.compiled.kernels import MOST_THREADS, in_parallel
+from mlivr_gym.collisions.places import LineScratch
+from mlivr_gym.compiled.kernels import in_parallel
+from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.transitions.records import (
@@ -27,6 +30,9 @@ from mlivr_gym.transitions.records import (
 from mlivr_gym.transitions.relaxed_steps import relax_all
 from mlivr_gym.transitions.release import release_all
 from mlivr_gym.transitions.steps import check_all, check_supports, look_all
+
+SCRATCH = ScratchPool(StepScratch)
+"""Scratch of all checks."""
 
 LEAST_IN_THREADS = 8
 """Number of releases or steps from which on threads are used; each takes about 0.1 ms."""
@@ -42,8 +48,11 @@ class StepChecks:
         """Check steps of the robot of `solver`."""
         self.solver = solver
         self.robots = solver.shapes.rows
-        self._idle: list[Any] = []
-        """Scratch that no check uses at present."""
+
+    @cached_property
+    def line_scratch(self) -> Any:
+        """Scratch of `steps.line_clear`, a row of `LineScratch`: it is large, so there is one."""
+        return LineScratch.rows(1)
 
     def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
         """Return the world that motions are checked against: the map, and obstacles if any.
@@ -81,12 +90,8 @@ class StepChecks:
     def _run(self, count: int, entry: Callable[..., None], rows: Any, scene: StepContext) -> None:
         """Call an entry for some rows, in threads if they are many, with scratch that is reused."""
         if count:
-            scratch = self._idle.pop() if self._idle else StepScratch.rows(MOST_THREADS)
-            in_parallel(
-                count, entry, rows, scene, scratch_rows=lambda used: scratch[:used],
-                least=LEAST_IN_THREADS,
-            )  # fmt: skip
-            self._idle.append(scratch)
+            with SCRATCH.borrowed() as scratch:
+                in_parallel(count, entry, rows, scene, scratch_rows=scratch, least=LEAST_IN_THREADS)
 
     def release(self, stances: StanceArrays, todo: IntArray, world: WorldRecord) -> None:
         """Compute releases; `todo` has stances and limbs, shape (k, 2)."""

@@ -162,11 +162,11 @@ def test_where_no_optimum_is_known_none_is_told(small_map):
 @pytest.mark.parametrize("has_table", [True, False])
 def test_more_limbs_have_a_lower_bound_and_its_gap(has_table):
     """All rewards along the same walks, whose states NetworkX need know but once."""
-    graph, table = small_table(3)
+    graph, _ = small_table(3)
     net, positive = None, 0
     for reward in REWARDS:
         env, rng = MlivrEnv("mlivr3", few_points(), reward=reward), np.random.default_rng(0)
-        env.graph.graph_table = table if has_table else None
+        env.graph.graph_table = graph.graph_table if has_table else None
         env.regret = EpisodeRegret(env)
         for seed in range(2):
             _, info = env.reset(seed=seed)

@@ -25,7 +25,7 @@ def test_nodes_are_checked_when_they_are_popped(graph):
     """The cheapest path costs what it does if every node is checked before the search."""
     rng, count, solved, checks = np.random.default_rng(1), len(graph.table.points), 0, 0
     weights, labels = cost_weights(Cost.named("base"), graph.table.points), Labels.allocate(count)
-    every = PresentTable(graph)
+    every = PresentTable(graph, graph.graph_table)
     every.check_nodes(np.arange(count))
     losing = np.flatnonzero(every.table.branch_sets != graph.table.branch_sets)
     goals = np.concatenate([rng.choice(count, 60), rng.choice(losing, 60)])
@@ -33,7 +33,7 @@ def test_nodes_are_checked_when_they_are_popped(graph):
         h, found = np.full(count, MIN_COST_OUTSIDE_GOAL), []
         h[goal] = 0.0
         for first in ([start], np.arange(count)):
-            present = PresentTable(graph)
+            present = PresentTable(graph, graph.graph_table)
             present.check_nodes(np.array(first))
             table, checked = present.table, present.checked_edges
             left = present.unchecked.sum()
@@ -78,7 +78,7 @@ def test_nothing_that_was_checked_among_other_obstacles_lasts(graph):
             graph.add_obstacles(boxes)
             if boxes:
                 found.append(branches_after_checks(graph.present, rows))
-                fresh = branches_after_checks(PresentTable(graph), rows)
+                fresh = branches_after_checks(PresentTable(graph, graph.graph_table), rows)
                 np.testing.assert_array_equal(found[-1], fresh)
                 # No limb can be released at a node, as may be found when an edge to it is checked.
                 none = ReleaseRecord.rows(1, graph.limbs)
