@@ -6,6 +6,7 @@ Nothing is written without the number of the rules.
 import json
 import logging
 import zipfile
+from collections import OrderedDict
 from dataclasses import asdict
 
 import numpy as np
@@ -22,6 +23,7 @@ from mlivr_gym.errors import MlivrError, PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.stances import table_files
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import HEAD
@@ -106,6 +108,7 @@ def test_what_ships_is_of_this_version(env):
 def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, said):
     """Those of another format, rules or world are worked out anew; one line says what differs."""
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    monkeypatch.setattr(table_files, "_memory", OrderedDict())
     world = small_map.subset(small_map.positions[:, 0] < 1.8, "smaller")
     graph = stance_graph(world)
     first, file, head = (
@@ -123,6 +126,7 @@ def test_step_tables(small_map, tmp_path, monkeypatch, caplog, place, value, sai
     with zipfile.ZipFile(file, "w") as data:
         for name, content in wrong.items():
             data.writestr(name, content)
+    table_files._memory.clear()
     with caplog.at_level(logging.WARNING):
         second = step_tables(stance_graph(world))
     (record,) = caplog.records

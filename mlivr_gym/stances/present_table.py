@@ -98,12 +98,12 @@ class PresentTable:
         are taken and those that it changed restored.
         """
         free = self._known.nodes
-        own = ("branch_sets", "releasable", *(("joined",) if self._known.listed else ()))
+        names = ("branch_sets", "releasable", *(("joined",) if self._known.listed else ()))
         if previous is not None and previous.table is not free:
             self.table, self._cells = previous.table, previous._cells
             self._restore(np.concatenate([np.zeros(0, dtype=np.int64), *previous._changed]))
         else:
-            self.table = free._replace(**{name: getattr(free, name).copy() for name in own})
+            self.table = free._replace(**{name: getattr(free, name).copy() for name in names})
         if self._boxes:
             self._is_close, self._is_at_step = self._around(self.graph.obstacle_grid)
             self.unchecked = self._is_close.copy()

@@ -21,10 +21,11 @@ def find_table(graph: StanceGraph) -> tuple[Path | None, GraphTable] | None:
     The graph uses it from then on, also if it was made before the table was stored. A file that
     cannot be used is skipped with a warning.
     """
-    found = TABLES.find(graph)
-    if found is not None:
-        graph.graph_table = found[1]
-    return found
+    with graph.lock:
+        found = TABLES.find(graph)
+        if found is not None:
+            graph.graph_table = found[1]
+        return found
 
 
 @checked()

@@ -111,7 +111,7 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
 def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
-    monkeypatch.setitem(table_files._memory, TABLES.name(known[0]), (None, table))
+    monkeypatch.setitem(table_files._memory, TABLES.name(known[0]), (None, known[0].graph_table))
     monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
