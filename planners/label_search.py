@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,9 @@ from mlivr_gym.stances.present_table import NO_NODES
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,
 as a base displacement, where displacements are charged [m]."""
+
+EXPANSION = cast(int, np.int64(8))
+"""Labels popped that count as much for the clock as the expansion of one."""
 
 SEARCH_COMPLETE, ARRAYS_FULL, PAUSED, EXPANSION_LIMIT, CHECKS_PENDING = -1, -2, -3, -4, -5
 """Why a call of `_search` ends: no better path is left, because the open queue is exhausted or its
@@ -121,7 +124,7 @@ class SearchStatus(Record):
     incumbent_cost: float
     """Cost of the incumbent; before there is one, the cost that a path must stay below."""
     clock_interval: int
-    """Number of labels taken before the clock is read."""
+    """Number of labels popped before the clock is read, where expansions count `EXPANSION` more."""
     initialised: bool
     """Whether the origins are in the queue."""
     incumbent: int
@@ -246,7 +249,7 @@ def _search(
                 labels.checked[queue.status.entry_count] = True
                 push(queue, status.cost_weight * cost + h[s], s)
     while True:
-        if count == status.clock_interval:
+        if count >= status.clock_interval:
             return PAUSED
         count += 1
         span = CHECK_SPAN * search_graph.weights.base
@@ -288,6 +291,7 @@ def _search(
                 return EXPANSION_LIMIT
             labels.expanded[status.expanded] = label
             status.expanded += 1
+            count += EXPANSION
             _expand(search_graph, h, status, label, labels)
 
 

@@ -78,8 +78,10 @@ class TableSearch(PathSearch):
 
     def _check_nodes(self, rows: IntArray) -> None:
         """Check nodes against obstacles, shape (k,)."""
+        present = self._present
+        rows = rows[present.unchecked[rows]] if len(present.unchecked) else rows[:0]
         for piece in self.clock.pieces("nodes", len(rows)):
-            self._present.check_nodes(rows[piece])
+            present.check_nodes(rows[piece])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the query alone; a copy begins again."""
@@ -296,11 +298,11 @@ class TableSearch(PathSearch):
         """
         if self.effort >= self.search.effort:
             raise OutOfTime
-        present, after = self._present, [branch_sets[:0]]
-        for k in self.clock.pieces("edges", len(edges)):
-            kept = present.kept_at_most(edges[k])
-            after.append(present.branch_sets_after(edges[k], branch_sets[k], kept))
-        return np.concatenate(after)
+        present = self._present
+        undecided = present.undecided(edges, looked=True)
+        for piece in self.clock.pieces("looks", len(undecided)):
+            present.kept_at_most(undecided[piece])
+        return present.branch_sets_after(edges, branch_sets, present.kept_at_most(edges))
 
     def _proves(self, stage: SearchParameters) -> bool:
         """Return whether the lower bound of a search holds for all plans.
@@ -315,8 +317,9 @@ class TableSearch(PathSearch):
         """Check the edges of a path; return its states, None if a limb keeps no branch."""
         present, edges = self._present, path.edges
         if not present.is_complete:
-            for piece in self.clock.pieces("edges", len(edges)):
-                present.kept(edges[piece])
+            undecided = present.undecided(edges)
+            for piece in self.clock.pieces("edges", len(undecided)):
+                present.kept(undecided[piece])
         (_, i), (_, j), _ = edge_ends(present.table, edges)
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])

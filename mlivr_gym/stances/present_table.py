@@ -181,6 +181,15 @@ class PresentTable:
         """Return nodes as the step check reads them, see `node_stances`."""
         return node_stances(self.graph.grasp_map, self.graph.robot, table, rows, relabellings)
 
+    def undecided(self, edges: IntArray, *, looked: bool = False) -> IntArray:
+        """Return the edges that take time to check, or to look at, ascending, each once."""
+        known = self.checked_edges if looked and self._looks else self._checked
+        edges = np.unique(edges[~known.contains(edges)])
+        if self._known.is_exact:
+            (before, _), (after, _), _ = edge_ends(self.table, edges)
+            edges = edges[self._is_at_step[before] | self._is_at_step[after]]
+        return edges
+
     def kept(self, edges: IntArray) -> NDArray[np.uint64]:
         """Check edges once; return the branches that supports keep, as `supports_of`, shape (k,).
 

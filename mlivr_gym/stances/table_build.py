@@ -19,10 +19,10 @@ def find_table(graph: StanceGraph) -> tuple[Path | None, GraphTable] | None:
     """Return the table that ships or was built for a graph and its file; None if there is none.
 
     The graph uses it from then on, also if it was made before the table was stored. A file that
-    cannot be used is skipped with a warning.
+    cannot be used is skipped with a warning, of two limbs when the graph is made.
     """
     with graph.lock:
-        found = TABLES.find(graph)
+        found = TABLES.find(graph, warn=not graph.lists_all)
         if found is not None:
             graph.graph_table = found[1]
         return found
