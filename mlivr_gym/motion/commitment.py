@@ -30,14 +30,10 @@ from mlivr_gym.postures.reach import base_along, reach_all
 from mlivr_gym.postures.records import CandidatePose, StanceGeometry
 from mlivr_gym.postures.solver import SCRATCH
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 
 CACHED_STEPS = 4096
 """Capacity of the cache `CommittedSteps`, in steps."""
-
-UNCHECKED = Edge(line_branches=-1, kept={})
-"""The edge of a step of a graph that does not check steps."""
 
 
 class Committed(NamedTuple):
@@ -56,27 +52,22 @@ class CommittedMotion(NamedTuple):
     """The motion; None if a step cannot be executed."""
     failed: int | None
     """Index of the step for which no swing was found, or None."""
-    edges: tuple[Edge, ...] = ()
-    """The edge of each step on the chosen branches; empty if steps are not checked."""
 
 
-def commit(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Committed | None:
+def commit(graph: StanceGraph, ends: StepEnds) -> Committed | None:
     """Choose the first of `commitments` for a step; return None if no clear swing exists."""
-    return next(commitments(graph, ends, edge), None)
+    return next(commitments(graph, ends), None)
 
 
-def commitments(graph: StanceGraph, ends: StepEnds, edge: Edge) -> Iterator[Committed]:
-    """Yield a step on its branches with each of its clear swings, the preferred one first.
-
-    The edge is that of the step as the graph has checked it on these branches.
-    """
+def commitments(graph: StanceGraph, ends: StepEnds) -> Iterator[Committed]:
+    """Yield a step on its branches with each of its clear swings, the preferred one first."""
     if not graph.settings.collisions:
         yield Committed(_unchecked_path(graph, ends), "unchecked")
         return
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
     supports = FollowingSupports(graph, ends)
     finder = SwingFinder(graph, ends, supports)
-    for swing in finder.swings(lifts[0][-1], lifts[1][-1], edge):
+    for swing in finder.swings(lifts[0][-1], lifts[1][-1]):
         parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
         yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
 
@@ -108,7 +99,7 @@ class CommittedSteps:
         self.graph, self._obstacles = graph, graph.obstacles
         self._cached: OrderedDict[tuple[Any, ...], Committed | None] = OrderedDict()
 
-    def commit(self, ends: StepEnds, edge: Edge) -> Committed | None:
+    def commit(self, ends: StepEnds) -> Committed | None:
         """Return the result of the function `commit`, from the cache if it is stored there."""
         graph, cached = self.graph, self._cached
         if self._obstacles != graph.obstacles:
@@ -116,11 +107,11 @@ class CommittedSteps:
             self._obstacles = graph.obstacles
         arrays = ends.positions, ends.rotations, ends.joints
         key = (
-            ends.limb, ends.before, ends.to_point, ends.branches, *edge[:-1],
+            ends.limb, ends.before, ends.to_point, ends.branches,
             *(array.tobytes() for array in arrays),
         )  # fmt: skip
         if key not in cached:
-            cached[key] = commit(graph, ends, edge)
+            cached[key] = commit(graph, ends)
             if len(cached) > CACHED_STEPS:
                 cached.popitem(last=False)
         return cached[key]
@@ -149,8 +140,7 @@ def committed_motion(
 
     For each interval in which a limb holds a point, the branch is the one that maximises the
     minimum `w_m` over the stances of the interval, among the branches of the last state on which
-    the limb can be released; ties go to the lowest number. If the graph proved a step by a line
-    swing between two other branches that are allowed as well, these are taken. Postures are by
+    the limb can be released; ties go to the lowest number. Postures are by
     default those of the graph; steps are looked up and stored in `cache`. Raises a `PlanError` if a
     limb has no branch on which it can be released for its next step, which does not occur for a
     walk of the graph.
@@ -160,7 +150,7 @@ def committed_motion(
     for k in range(len(states) - 1):
         committed = draft.commit(k, cache)
         if committed is None:
-            return CommittedMotion(None, k, tuple(draft.edges))
+            return CommittedMotion(None, k)
         steps.append(draft.step(k, committed))
     w_m, w_b = draft.manipulability()
     motion = Motion(
@@ -173,29 +163,14 @@ def committed_motion(
         w_m=w_m,
         w_b=w_b,
     )
-    return CommittedMotion(motion, None, tuple(draft.edges))
-
-
-def edges_along(graph: StanceGraph, motion: Motion) -> list[Edge]:
-    """Return the edge of each step of a motion, on the branches and flips of its joint angles."""
-    states = []
-    for k, stance in enumerate(motion.stances):
-        pose = graph.given_pose_of(stance, motion.base_positions[k], motion.base_quaternions[k])
-        states.append(graph.state(stance, pose, motion.joint_positions[k]))
-    if not graph.settings.transitions:
-        return [UNCHECKED] * len(motion.steps)
-    postures = graph.postures_of(states)
-    return [
-        graph.edge(here, there.stance, postures.take(slice(k, k + 2)))
-        for k, (here, there) in enumerate(pairwise(states))
-    ]
+    return CommittedMotion(motion, None)
 
 
 class _MotionDraft:
     """A motion under construction: first branches, then joint angles, then joint paths."""
 
     def __init__(self, graph: StanceGraph, states: Sequence[State], postures: Postures) -> None:
-        """Choose branches and edges of the walk, and compute its joint angles."""
+        """Choose the branches of the walk, and compute its joint angles."""
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
         count, limbs, solver = len(states), graph.limbs, graph.solver
@@ -207,18 +182,15 @@ class _MotionDraft:
         self._w: Array = self._candidate["limbs"]["w"][:, :limbs]
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
-        self.edges: list[Edge] = []
         if graph.settings.transitions:
-            allowed = [self._choose_branches(limb) for limb in range(limbs)]
-            self.edges = self._edges()
-            if self._take_line_branches(allowed):
-                self.edges = self._edges()
+            for limb in range(limbs):
+                self._choose_branches(limb)
         bits = self.branches + 8 * self.flips
         self.joints: Array = graph.joints(self.points, self.postures, bits)
 
-    def _choose_branches(self, limb: int) -> dict[int, int]:
-        """Choose the branches of a limb; return the allowed sets by their first stances."""
-        graph, allowed = self.graph, {}
+    def _choose_branches(self, limb: int) -> None:
+        """Choose the branches of a limb."""
+        graph = self.graph
         for first, last in hold_intervals(self.points, limb):
             branch_set = self.states[last].branch_sets[limb]
             if graph.settings.collisions and last < len(self.points) - 1:
@@ -232,39 +204,6 @@ class _MotionDraft:
             bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 12), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3
-            allowed[first] = branch_set
-        return allowed
-
-    def _edges(self) -> list[Edge]:
-        """Return the edge of each step on the chosen branches and flips."""
-        bits, edges = self.branches + 8 * self.flips, []
-        for k in range(len(self.points) - 1):
-            branch_sets = tuple(1 << int(bit) for bit in bits[k])
-            state = self.states[k]._replace(branch_sets=branch_sets)
-            both = self.postures.take(slice(k, k + 2))
-            edges.append(self.graph.edge(state, self.states[k + 1].stance, both))
-        return edges
-
-    def _take_line_branches(self, allowed: list[dict[int, int]]) -> bool:
-        """Move limbs to the branches of line swings that the graph proved, where these are allowed.
-
-        Return whether any branch was changed.
-        """
-        changed = False
-        for k, edge in enumerate(self.edges):
-            if edge.line_branches < 0:
-                continue
-            limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
-            intervals = hold_intervals(self.points, limb)
-            for stance, branch in ((k, edge.line_branches >> 3), (k + 1, edge.line_branches & 7)):
-                first, last = next(
-                    interval for interval in intervals if interval[0] <= stance <= interval[1]
-                )
-                bit = branch + 8 * int(self.flips[first, limb])
-                if self.branches[first, limb] != branch and allowed[limb][first] >> bit & 1:
-                    self.branches[first : last + 1, limb] = branch
-                    changed = True
-        return changed
 
     def commit(self, k: int, cache: CommittedSteps) -> Committed | None:
         """Commit the robot to step `k`; return None if no clear swing exists."""
@@ -278,7 +217,7 @@ class _MotionDraft:
             branches=(*self.branches[k].tolist(), int(self.branches[k + 1, limb])),
             joints=self.joints[k : k + 2],
         )
-        return cache.commit(ends, self.edges[k] if self.edges else UNCHECKED)
+        return cache.commit(ends)
 
     def step(self, k: int, committed: Committed) -> Step:
         """Return step `k` in the form in which a plan stores it."""

@@ -8,6 +8,7 @@ checked as when the plan was made.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -92,8 +93,11 @@ def check_motion(query: Query, world: World, motion: Motion, grasp_map: GraspMap
         State(tuple(stance), tuple(branch_set))
         for stance, branch_set in zip(points.tolist(), branch_sets, strict=True)
     ]
-    expected = committed_motion(graph, states, postures)
-    _check_steps(graph, motion, expected, bits)
+    if world.settings.transitions:
+        for k, (state, after) in enumerate(pairwise(states)):
+            kept = graph.kept_on_step(state, after.stance, postures.take(slice(k, k + 2)))
+            _check_kept(k, motion.steps[k], kept, bits[k])
+    _check_steps(graph, motion, committed_motion(graph, states, postures))
 
 
 def _graph(world: World, grasp_map: GraspMap) -> StanceGraph:
@@ -195,19 +199,19 @@ def _postures(graph: StanceGraph, points: IntArray, motion: Motion, bits: IntArr
     return chosen
 
 
-def _check_steps(
-    graph: StanceGraph, motion: Motion, expected: CommittedMotion, bits: IntArray
-) -> None:
-    """Check that each step is an edge and that the motion equals the recomputed one."""
-    for k, edge in enumerate(expected.edges):
-        step = motion.steps[k]
-        for i, bit in enumerate(bits[k].tolist()):
-            if i != step.limb and not edge.kept.get(i, 0) >> bit & 1:
-                kept = sorted({b % 8 for b in bits_of(edge.kept.get(i, 0))})
-                raise PlanError(
-                    f"motion.steps[{k}] moves limb {step.limb} to {step.to_point!r}; limb {i} is "
-                    f"on branch {bit % 8} and could follow the base on {kept or 'none'}"
-                )
+def _check_kept(k: int, step: Step, kept: dict[int, int], bits: IntArray) -> None:
+    """Check that each support limb keeps its bit on step k, of which `kept` tells, shape (N,)."""
+    for i, bit in enumerate(bits.tolist()):
+        if i != step.limb and not kept.get(i, 0) >> bit & 1:
+            able = sorted({b % 8 for b in bits_of(kept.get(i, 0))})
+            raise PlanError(
+                f"motion.steps[{k}] moves limb {step.limb} to {step.to_point!r}; limb {i} is "
+                f"on branch {bit % 8} and could follow the base on {able or 'none'}"
+            )
+
+
+def _check_steps(graph: StanceGraph, motion: Motion, expected: CommittedMotion) -> None:
+    """Check that the motion equals the recomputed one."""
     if expected.motion is None:
         k = expected.failed or 0
         raise _mismatch(f"motion.steps[{k}].swing", motion.steps[k].swing, "no swing that is clear")
@@ -252,9 +256,9 @@ def _same_swing(graph: StanceGraph, expected: CommittedMotion, k: int, step: Ste
     """Return step `k` with the clear swing that a plan may have chosen, or that it should have."""
     assert expected.motion is not None
     found = expected.motion.steps[k]
-    if expected.edges and not _is_along(step, found):
+    if graph.settings.transitions and not _is_along(step, found):
         ends = StepEnds.of(graph, expected.motion, k)
-        for path, swing in commitments(graph, ends, expected.edges[k]):
+        for path, swing in commitments(graph, ends):
             if path is not None and _is_along(step, step_along(found, path, swing)):
                 return step_along(found, path, swing)
     return found

@@ -7,23 +7,23 @@ have little reaction (`mlivr_gym.extensions.reaction.fastest`):
 
 * `direct`: one line in joint space while the base moves;
 * `over`: two lines through one of the robot's folds, while the base moves;
+* `folded`: fold the limb, move the base, unfold the limb;
 * `changed`: change to other branches with the base at rest, swing on a line while the base moves,
-  change again; a candidate only if the stance graph proved the step by such a line;
-* `folded`: fold the limb, move the base, unfold the limb. The stance graph tries this first, and a
-  plan takes it where no shorter swing is clear.
+  change again.
 
-Folds are tried in the order of the joint travel to them.
+Folds are tried in the order of the joint travel to them, branches in that of the travel between
+them. The graph proves a step by one of the last two, so each of its edges has a swing; should none
+be found, the planner reports it.
 
 While the base is at rest, a limb changes between folds and branches by the fewest clear lines
-(breadth-first search). The lines by which the graph proved that the limb can be released are among
-them, so each edge of the graph has a swing; should none be found, the planner reports it. Joint 6
-turns while the base moves, which moves none of the limb's collision shapes.
+(breadth-first search). Joint 6 turns while the base moves, which moves none of the limb's collision
+shapes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -34,7 +34,6 @@ from mlivr_gym.kinematics.poses import poses
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.grasp_poses import angles_above
 
 SAME_KNOT = 1e-9
@@ -57,11 +56,11 @@ class SwingFinder:
         self._robots, self._grasps = graph.checks.robots, graph.solver.grasps
         self._bases = poses(ends.positions, ends.rotations)
 
-    def swings(self, start: Array, end: Array, edge: Edge) -> Iterator[Swing]:
+    def swings(self, start: Array, end: Array) -> Iterator[Swing]:
         """Yield the clear swings from above one point to above another, the preferred one first.
 
-        Joint angles above the points have shape (6,) [rad], and the edge of the step is as the
-        stance graph has proved it.
+        Joint angles above the points have shape (6,) [rad]. Of those that change the branch only
+        the first is told.
         """
         first, last = swing_knot(0.0, start), swing_knot(1.0, end)
         folds = self._robots[0]["folds"][: self._robots[0]["fold_count"]]
@@ -71,11 +70,12 @@ class SwingFinder:
         for knots in ((first, last), *over):
             if all(self._supports.is_clear(a, b) for a, b in pairwise(knots)):
                 yield Swing("direct" if len(knots) == 2 else "over", np.stack(knots))
+        above = [self._above_all(side) for side in range(2)]
         others = [
-            [swing_knot(s, joints, tool) for joints in (*folds, *self._above_all(side))]
+            [swing_knot(s, joints, tool) for joints in (*folds, *above[side])]
             for side, (s, tool) in enumerate(((0.0, start), (1.0, end)))
         ]
-        for kind, before, after in self._candidates(folds, edge):
+        for kind, before, after in self._candidates(folds, above):
             middle = swing_knot(0.0, before, start), swing_knot(1.0, after, end)
             if not self._supports.is_clear(*middle):
                 continue
@@ -83,19 +83,20 @@ class SwingFinder:
             back = away and self._chain_at_rest(middle[1], last, others[1])
             if away and back:
                 yield Swing(kind, np.stack([*away, *back]))
+                if kind == "changed":
+                    return
 
-    def _candidates(self, folds: Array, edge: Edge) -> Iterator[tuple[str, Array, Array]]:
+    def _candidates(
+        self, folds: Array, above: list[list[Array]]
+    ) -> Iterator[tuple[str, Array, Array]]:
         """Yield kinds of swing, with the joint angles before and after the base moves.
 
-        The line by which the stance graph proved the step comes first, then the folds.
+        The folds come first, then the pairs of branches above both points.
         """
-        if edge.line_branches >= 0:
-            branches = divmod(edge.line_branches, 8)
-            before, after = (self._above(side, branches[side]) for side in range(2))
-            if before is not None and after is not None:
-                yield "changed", before, after
         for fold in folds:
             yield "folded", fold, fold
+        for before, after in sorted(product(*above), key=_travel):
+            yield "changed", before, after
 
     def _chain_at_rest(self, first: Array, last: Array, others: list[Array]) -> list[Array] | None:
         """Return a chain of the fewest clear lines between two knots via `others`, or None."""
@@ -129,6 +130,11 @@ def swing_knot(s: float, joints: Array, tool: Array | None = None) -> Array:
     Joint 6 is that of `tool` if it is given.
     """
     return np.array([s, *joints[:5], (joints if tool is None else tool)[5]])
+
+
+def _travel(ends: tuple[Array, ...]) -> float:
+    """Return how far the joints turn on a line, at most [rad]."""
+    return float(np.abs(ends[1] - ends[0])[:5].max())
 
 
 def _are_same(a: Array, b: Array) -> bool:

@@ -33,7 +33,6 @@ from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.transitions.edge import Edge
 from mlivr_gym.transitions.state import State, moving_limb
 from mlivr_gym.world.boxes import Box
 
@@ -214,28 +213,26 @@ class StepExecutor:
         Of the branches with a swing the limb takes the one with most successors.
         """
         graph = self.graph
-        ends, edge = self._ends(reached.stance)
+        ends = self._ends(reached.stance)
         for option in self._options(reached, ends.limb):
             branches = (*ends.branches[:-1], bits_of(option.branch_sets[ends.limb])[0] & 7)
             joints = np.stack([self.joints, graph.configuration(option)[2]])
             chosen = replace(ends, branches=branches, joints=joints)
-            committed = commit(graph, chosen, edge)
+            committed = commit(graph, chosen)
             if committed is not None and committed.path is not None:
                 return committed.path, option
         return None
 
-    def _ends(self, after: tuple[int, ...]) -> tuple[StepEnds, Edge]:
-        """Return the ends of the step to a stance without grasp branch, and its edge."""
+    def _ends(self, after: tuple[int, ...]) -> StepEnds:
+        """Return the ends of the step to a stance without grasp branch."""
         graph, state = self.graph, self.state
         postures = join(graph.posture_of(state), graph.posture(after))
-        edge = graph.edge(state, after, postures)
         limb = moving_limb(state.stance, after)
         branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
-        ends = StepEnds(
+        return StepEnds(
             limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
             (*branches, branches[limb]), np.stack([self.joints, self.joints]),
         )  # fmt: skip
-        return ends, edge
 
     def _options(self, state: State, limb: int) -> list[State]:
         """Return the state with a limb on each of its branches, most successors first."""

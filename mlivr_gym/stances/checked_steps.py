@@ -17,7 +17,6 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.settings import Settings
 from mlivr_gym.stances.obstacles import ChangingWorld
-from mlivr_gym.transitions.edge import Edge, edge_of
 from mlivr_gym.transitions.records import StanceArrays
 from mlivr_gym.transitions.state import State, Successors
 from mlivr_gym.world.grasp_map import GraspMap
@@ -241,8 +240,8 @@ class CheckedSteps(ChangingWorld):
                 able = able[branches != 0]
         return able
 
-    def edge(self, state: State, after: Sequence[int], posture: Postures) -> Edge:
-        """Return the edge of a step on which supports keep the branches of a state at most.
+    def kept_on_step(self, state: State, after: Sequence[int], posture: Postures) -> dict[int, int]:
+        """Return the branches of a state that supports keep on a step, by limb; empty if none is.
 
         `posture` has the postures of both stances.
         """
@@ -255,7 +254,7 @@ class CheckedSteps(ChangingWorld):
         branch_sets = np.tile(np.array(state.branch_sets, dtype=np.int64), (2, 1))
         stances = stances._replace(branch_sets=branch_sets)
         self.checks.check(steps, stances, self.checks.world(self.obstacle_grid))
-        return edge_of(steps[0])
+        return {i: int(kept) for i, kept in enumerate(steps["kept"][0]) if kept}
 
 
 def join(*groups: Postures) -> Postures:

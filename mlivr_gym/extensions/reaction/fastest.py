@@ -19,7 +19,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import TimingError
 from mlivr_gym.extensions.reaction.reaction import Reaction, reaction_of
 from mlivr_gym.motion import Durations, JointPath, Plan, Step
-from mlivr_gym.motion.commitment import commitments, edges_along
+from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan_parts import step_along
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.planners import GOAL_TOLERANCE, QUERY, Planner
@@ -109,10 +109,9 @@ def _with_best_swings(
     Stances, base poses and branches stay, so that the choice is independent for each step.
     """
     motion, steps = plan.motion, list[Step]()
-    for k, (step, edge) in enumerate(zip(plan.steps, edges_along(graph, motion), strict=True)):
+    for k, step in enumerate(plan.steps):
         best, least = step, impulse(plan.joint_path(k))
-        edge = edge._replace(line_branches=-1)
-        for path, swing in commitments(graph, StepEnds.of(graph, motion, k), edge):
+        for path, swing in commitments(graph, StepEnds.of(graph, motion, k)):
             if path is not None and impulse(path) < least:
                 best, least = step_along(step, path, swing), impulse(path)
         steps.append(best)

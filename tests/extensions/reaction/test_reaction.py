@@ -10,7 +10,7 @@ from mlivr_gym.errors import PlanError, TimingError
 from mlivr_gym.extensions.reaction.fastest import step_reactions, with_least_reaction
 from mlivr_gym.extensions.reaction.reaction import reaction_of
 from mlivr_gym.extensions.station_load.spectra import station_load
-from mlivr_gym.motion.commitment import commitments, edges_along
+from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
@@ -61,9 +61,8 @@ def test_impulse_and_peak_are_those_of_pinocchios_momentum(checked_graph, walk, 
 def least_impulses(graph, plan):
     """The least total impulse of each step of a plan with its base poses, over all clear swings."""
     least = []
-    for k, edge in enumerate(edges_along(graph, plan.motion)):
-        edge = edge._replace(line_branches=-1)
-        swings = commitments(graph, StepEnds.of(graph, plan.motion, k), edge)
+    for k in range(len(plan.steps)):
+        swings = commitments(graph, StepEnds.of(graph, plan.motion, k))
         least.append(min(reaction_of(timed_path(one.path)).impulse for one in swings))
     return np.array(least)
 
