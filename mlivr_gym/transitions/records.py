@@ -73,7 +73,7 @@ class StepContext(NamedTuple):
 
 
 class StepRecord(Record):
-    """A step to be checked, and its edge if the check passes."""
+    """A step to be checked, and what supports keep on it if the check passes."""
 
     limb: int
     """Limb that moves."""
@@ -83,9 +83,6 @@ class StepRecord(Record):
     """Stance after the step."""
     kept: Limbs
     """Branches that each support limb keeps on the edge; none if the step is no edge."""
-    line_branches: int
-    """Branches between which the limb can swing along a line in joint space, `8 * before + after`;
-    -1 if it can be moved in a fold."""
 
 
 class StepScratch(Record):

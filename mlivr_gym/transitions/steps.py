@@ -114,7 +114,7 @@ def begin(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
         set_path(line.path, before, after)
     line.follows = EMPTY
     lines.floor = world.thresholds[0].floor * robot.characteristic_length**3
-    lines.surface.applies, lines.resting.count, step.line_branches = NO, EMPTY, NONE
+    lines.surface.applies, lines.resting.count = NO, EMPTY
     for i in range(robot.limb_count):
         step.kept[i] = scratch.clear[i] = EMPTY
         if i == step.limb:
@@ -205,10 +205,8 @@ def _check(step: StepRecord, context: StepContext, scratch: StepScratch) -> None
                 return
     for k in range(min(lines_by_travel(step, context, scratch), TRIES)):
         set_swing_line(scratch.order[k], step, scratch)
-        step.line_branches = scratch.order[k]
         if _serves(step, context, scratch):
             return
-    step.line_branches = NONE
 
 
 @kernel
@@ -228,10 +226,10 @@ def set_fold(fold: int, step: StepRecord, robot: RobotModel, scratch: StepScratc
 
 
 @kernel
-def set_swing_line(line_branches: int, step: StepRecord, scratch: StepScratch) -> None:
-    """Set the limb that moves to go on the line of a pair of branches."""
+def set_swing_line(pair: int, step: StepRecord, scratch: StepScratch) -> None:
+    """Set the limb that moves to go on the line of a pair of branches, `8 * before + after`."""
     moving, lines = step.limb, scratch.line
-    first, last = scratch.q[0, line_branches // BRANCHES], scratch.q[1, line_branches % BRANCHES]
+    first, last = scratch.q[0, pair // BRANCHES], scratch.q[1, pair % BRANCHES]
     line_end(first, last, scratch.end)
     for j in range(6):
         a, b = first.q[j], scratch.end.q[j]

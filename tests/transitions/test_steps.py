@@ -28,7 +28,6 @@ def same_release(ours, truth):
 
 def same_edge(step, truth, limbs):
     assert {i: members(step["kept"][i]) for i in limbs} == (truth.kept or {i: set() for i in limbs})
-    assert int(step["line_branches"]) == truth.line_branches
 
 
 def some_branches(graph, rng, few):
@@ -103,6 +102,5 @@ def test_a_robot_of_four_limbs_that_has_turned_by_one_keeps_the_same(small_map):
             turned = (tuple(np.roll(stance, -turn).tolist()) for stance in (before, after))
             _, other, _ = asked(graph, (limb - turn) % 4, *turned)
             assert np.array_equal(np.roll(step["kept"][:4], -turn), other["kept"][:4])
-            assert step["line_branches"] == other["line_branches"]
         kept += step["kept"].any()
     assert kept > 10
