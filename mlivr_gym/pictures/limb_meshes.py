@@ -17,12 +17,10 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.robot.colours import LIMB_COLOURS
 from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.limb_dynamics import arm_of
-from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.robot.visuals import Visual
+from mlivr_gym.robot.visuals import LIMB_COLOURS, Visual, rgba
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -148,7 +146,7 @@ def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]
     They are the origin of a joint and the closest position on the axes of the body's capsules; both
     links that the joint connects have one.
     """
-    links = {link.name: link for link in limb_links(robot, limb, known_dynamics(robot, limb))}
+    links = {link.name: link for link in robot.links() if link.shapes.startswith(f"limb{limb}/")}
     for link in links.values():
         parent = links.get(link.parent)
         if parent is None:

@@ -71,17 +71,6 @@ def past_wrist(limb: Limb) -> float:
     return float(origin @ across / (across @ across))
 
 
-def farthest_part(limb: Limb, capsules: tuple[Capsule, ...], tool_length: float) -> float:
-    """Return an upper bound of the distance of any part of a limb from its base [m]."""
-    # In the order of `LINKS`, of which the gripper is on the flange.
-    origins = (*limb.link_distances, limb.link_distances[-1])
-    farthest = limb.reach + tool_length
-    for capsule in capsules:
-        end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
-        farthest = max(farthest, origins[LINKS.index(capsule.link)] + end + capsule.radius)
-    return farthest
-
-
 def _share_of(share: float, place: Triple) -> Triple:
     """Return a part of the way from the origin to a place."""
     x, y, z = place

@@ -7,78 +7,79 @@ read again by `from_file` as the same robot.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.files import write_whole
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.derived import DerivedFigures
 from mlivr_gym.robot.description import DIGEST, PLANNING, SPEED_LIMITS, digest_of
-from mlivr_gym.robot.model import RobotLink, limb_links, quaternion_of
-from mlivr_gym.values import as_triple
+from mlivr_gym.robot.link_frames import quaternion_of
+from mlivr_gym.robot.links import RobotLink
 
 
-def as_mjcf(robot: DerivedFigures, path: str | Path | None = None) -> str:
-    """Return a robot as MJCF, a body that floats without gravity.
+def as_mjcf(
+    name: str, links: Sequence[RobotLink], tool_length: float, robot: dict[str, Any] | None = None
+) -> str:
+    """Return the links of a robot as MJCF, a body that floats without gravity.
 
-    It is written to a file if one is named. Raises a `RobotError` if its masses are not known, and
-    a `FileError` if the file cannot be written.
+    Links, joints and shapes have their names; flange and grasp of limb i, which are `tool_length`
+    apart [m], are the sites `"limb{i}/flange"` and `"limb{i}/grasp"`. The robot as plain data is
+    added if it is given.
     """
-    root = ElementTree.Element("mujoco", model=robot.name)
+    root = ElementTree.Element("mujoco", model=name)
     _sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     _sub(root, "option", gravity="0 0 0")
-    elements: dict[str, Any] = {"": _sub(root, "worldbody")}
-    links = list(_links(robot))
+    elements = {"": _sub(root, "worldbody")}
     for link in links:
-        body = elements[link.name] = _sub(
-            elements[link.parent], "body", name=link.name, pos=_text(link.frame[:3, 3]),
-            quat=_text(quaternion_of(link.frame[:3, :3])),
-        )  # fmt: skip
+        body = _sub(elements[link.parent], "body", name=link.name, **_placed(link.frame))
+        elements[link.name] = body
         if link.solid.mass:
-            _sub(
-                body, "inertial", pos=_text(link.solid.centre), mass=_text(link.solid.mass),
-                fullinertia=_text(link.solid.inertia),
+            fixed = link.joint is None and not any(link.solid.inertia[3:])
+            moments = (
+                {"diaginertia": _text(link.solid.inertia[:3])} if fixed
+                else {"fullinertia": _text(link.solid.inertia)}
             )  # fmt: skip
+            centre, mass = _text(link.solid.centre), _text(link.solid.mass)
+            _sub(body, "inertial", pos=centre, mass=mass, **moments)
         if not link.parent:
             _sub(body, "freejoint", name=link.name)
-            _sub(body, "geom", type="box", size=_text(0.5 * robot.body_edges))
-            if robot.cargo is not None:
-                place, half = robot.cargo_frame, 0.5 * robot.cargo.edges
-                turn = _text(quaternion_of(place[:3, :3]))
-                _sub(body, "geom", type="box", pos=_text(place[:3, 3]), quat=turn, size=_text(half))
         if link.joint is not None:
             joint = link.joint
             _sub(
                 body, "joint", name=joint.name, axis=_text(joint.axis), range=_text(joint.limits),
                 armature=_text(joint.rotor), actuatorfrcrange=_text((-joint.torque, joint.torque)),
             )  # fmt: skip
-        for capsule in link.capsules:
-            # MuJoCo has the shape's z axis point to the end that is named first.
-            ends, size = (*capsule.end, *capsule.start), _text(capsule.radius)
+        for box, frame, edges in link.boxes:
+            _sub(body, "geom", name=box, type="box", size=_text(0.5 * edges), **_placed(frame))
+        for k, capsule in enumerate(link.capsules):
+            shape = {"name": f"{link.shapes}/{k}", "size": _text(capsule.radius)}
             if capsule.start == capsule.end:
-                _sub(body, "geom", type="sphere", pos=_text(capsule.start), size=size)
+                _sub(body, "geom", type="sphere", pos=_text(capsule.start), **shape)
             else:
-                _sub(body, "geom", type="capsule", fromto=_text(ends), size=size)
+                # MuJoCo has the shape's z axis point to the end that is named first.
+                ends = _text((*capsule.end, *capsule.start))
+                _sub(body, "geom", type="capsule", fromto=ends, **shape)
         if link.name.endswith("/gripper"):
-            name = link.name.replace("/gripper", "/grasp")
-            _sub(body, "site", name=name, pos=_text((0.0, 0.0, robot.tool_length)), size="0.005")
-    custom = _sub(root, "custom")
-    speeds = [link.joint.speed for link in links if link.joint is not None]
-    _sub(custom, "numeric", name=SPEED_LIMITS, size=str(len(speeds)), data=_text(speeds))
-    fields = _fields(robot, root)
-    _sub(custom, "text", name=PLANNING, data=fields)
-    return _written(root, path)
+            for site, height in (("flange", 0.0), ("grasp", tool_length)):
+                place = _text((0.0, 0.0, height))
+                _sub(body, "site", name=link.name.replace("gripper", site), pos=place, size="0.005")
+    if robot is not None:
+        custom = _sub(root, "custom")
+        speeds = [link.joint.speed for link in links if link.joint is not None]
+        _sub(custom, "numeric", name=SPEED_LIMITS, size=str(len(speeds)), data=_text(speeds))
+        _sub(custom, "text", name=PLANNING, data=_with_digest(robot, root))
+    return _written(root)
 
 
-def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
+def as_urdf(
+    name: str, links: Sequence[RobotLink], tool_length: float, robot: dict[str, Any]
+) -> str:
     """Return a robot as URDF, whose capsules are those of URDF 1.2; arguments as in `as_mjcf`."""
-    root = ElementTree.Element("robot", name=robot.name, version="1.2")
-    for link in _links(robot):
+    root = ElementTree.Element("robot", name=name, version="1.2")
+    for link in links:
         element = _sub(root, "link", name=link.name)
         if link.solid.mass:
             inertial = _sub(element, "inertial")
@@ -87,50 +88,31 @@ def as_urdf(robot: DerivedFigures, path: str | Path | None = None) -> str:
             names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
             figures = map(_text, link.solid.inertia)
             _sub(inertial, "inertia", **dict(zip(names, figures, strict=True)))
-        if not link.parent:
+        for _, frame, edges in link.boxes:
             collision = _sub(element, "collision")
-            _sub(_sub(collision, "geometry"), "box", size=_text(robot.body_edges))
-            if robot.cargo is not None:
-                collision = _sub(element, "collision")
-                place = robot.cargo_frame
-                turn = _text(_roll_pitch_yaw(place[:3, :3]))
-                _sub(collision, "origin", xyz=_text(place[:3, 3]), rpy=turn)
-                _sub(_sub(collision, "geometry"), "box", size=_text(robot.cargo.edges))
+            _sub(collision, "origin", **_origin(frame))
+            _sub(_sub(collision, "geometry"), "box", size=_text(edges))
         for capsule in link.capsules:
             _add_capsule(element, capsule)
         if link.parent:
-            _add_joint(root, link)
+            kind = "fixed" if link.joint is None else "revolute"
+            joint = link.joint.name if link.joint is not None else f"{link.name}/fixed"
+            made = _joined(root, joint, kind, link.parent, link.name, _origin(link.frame))
+            if link.joint is not None:
+                _sub(made, "axis", xyz=_text(link.joint.axis))
+                low, high = map(_text, link.joint.limits)
+                effort, velocity = _text(link.joint.torque), _text(link.joint.speed)
+                _sub(made, "limit", lower=low, upper=high, effort=effort, velocity=velocity)
         if link.name.endswith("/gripper"):
-            grasp = link.name.replace("/gripper", "/grasp")
+            grasp = link.name.replace("gripper", "grasp")
             _sub(root, "link", name=grasp)
-            joint = _sub(root, "joint", name=f"{grasp}/fixed", type="fixed")
-            _sub(joint, "origin", xyz=_text((0.0, 0.0, robot.tool_length)), rpy="0 0 0")
-            _sub(joint, "parent", link=link.name)
-            _sub(joint, "child", link=grasp)
-    fields = _fields(robot, root)
-    _sub(root, PLANNING).text = fields
-    return _written(root, path)
-
-
-def _links(robot: DerivedFigures) -> Iterator[RobotLink]:
-    """Yield the links of a robot, each after the one that carries it."""
-    held = () if robot.cargo is None else robot.cargo.limb_capsules
-    locked = tuple(
-        Capsule("base", as_triple(start), as_triple(end), radius)
-        for _, (start, end), radius in held
-    )
-    yield RobotLink("base", "", np.eye(4), robot.body_solid, locked, None)
-    for i in range(robot.limbs):
-        yield from limb_links(robot, i, robot.dynamics_of(i))
-
-
-def _fields(robot: DerivedFigures, root: ElementTree.Element) -> str:
-    """Return the robot as JSON, of which neither format has all, with a digest of the rest."""
-    return json.dumps(robot.to_dict() | {DIGEST: digest_of(root)})
+            place = {"xyz": _text((0.0, 0.0, tool_length)), "rpy": "0 0 0"}
+            _joined(root, f"{grasp}/fixed", "fixed", link.name, grasp, place)
+    _sub(root, PLANNING).text = _with_digest(robot, root)
+    return _written(root)
 
 
 def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
-    """Add a collision shape to a link of a URDF."""
     start, end = np.array(capsule.start), np.array(capsule.end)
     length = float(np.linalg.norm(end - start))
     collision = _sub(link, "collision")
@@ -145,30 +127,35 @@ def _add_capsule(link: ElementTree.Element, capsule: Capsule) -> None:
         _sub(shape, "sphere", radius=_text(capsule.radius))
 
 
-def _add_joint(root: ElementTree.Element, link: RobotLink) -> None:
-    """Add the joint that carries a link of a URDF."""
-    joint = link.joint
-    name, kind = (f"{link.name}/fixed", "fixed") if joint is None else (joint.name, "revolute")
-    element = _sub(root, "joint", name=name, type=kind)
-    turn = _text(_roll_pitch_yaw(link.frame[:3, :3]))
-    _sub(element, "origin", xyz=_text(link.frame[:3, 3]), rpy=turn)
-    _sub(element, "parent", link=link.parent)
-    _sub(element, "child", link=link.name)
-    if joint is not None:
-        _sub(element, "axis", xyz=_text(joint.axis))
-        low, high = map(_text, joint.limits)
-        effort, velocity = _text(joint.torque), _text(joint.speed)
-        _sub(element, "limit", lower=low, upper=high, effort=effort, velocity=velocity)
+def _joined(
+    root: ElementTree.Element, name: str, kind: str, parent: str, child: str, place: dict[str, str]
+) -> ElementTree.Element:
+    joint = _sub(root, "joint", name=name, type=kind)
+    _sub(joint, "origin", **place)
+    _sub(joint, "parent", link=parent)
+    _sub(joint, "child", link=child)
+    return joint
 
 
-def _roll_pitch_yaw(rotation: Array) -> tuple[float, float, float]:
-    """Return the angles of URDF [rad]: rotations about the fixed axes x, y and z, in this order."""
-    across = float(np.hypot(rotation[0, 0], rotation[1, 0]))
-    pitch = float(np.arctan2(-rotation[2, 0], across))
+def _placed(frame: Array) -> dict[str, str]:
+    return {"pos": _text(frame[:3, 3]), "quat": _text(quaternion_of(frame[:3, :3]))}
+
+
+def _origin(frame: Array) -> dict[str, str]:
+    """Return a frame in terms of URDF: roll, pitch, yaw about the fixed axes x, y, z [rad]."""
+    turn = frame[:3, :3]
+    across = float(np.hypot(turn[0, 0], turn[1, 0]))
+    pitch = np.arctan2(-turn[2, 0], across)
     if across < 1e-9:
-        return float(np.arctan2(-rotation[1, 2], rotation[1, 1])), pitch, 0.0
-    roll = float(np.arctan2(rotation[2, 1], rotation[2, 2]))
-    return roll, pitch, float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+        angles = np.arctan2(-turn[1, 2], turn[1, 1]), pitch, 0.0
+    else:
+        angles = np.arctan2(turn[2, 1], turn[2, 2]), pitch, np.arctan2(turn[1, 0], turn[0, 0])
+    return {"xyz": _text(frame[:3, 3]), "rpy": _text(angles)}
+
+
+def _with_digest(robot: dict[str, Any], root: ElementTree.Element) -> str:
+    """Return the robot as JSON, of which neither format has all, with a digest of the rest."""
+    return json.dumps(robot | {DIGEST: digest_of(root)})
 
 
 def _sub(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTree.Element:
@@ -176,14 +163,10 @@ def _sub(parent: ElementTree.Element, tag: str, **attributes: str) -> ElementTre
 
 
 def _text(numbers: Any) -> str:
-    """Return numbers with all their digits."""
-    return " ".join(repr(float(number)) for number in np.ravel(numbers))
+    """Return numbers with all their digits, none as -0."""
+    return " ".join(repr(float(number) + 0.0) for number in np.ravel(numbers))
 
 
-def _written(root: ElementTree.Element, path: str | Path | None) -> str:
-    """Return a document as text, written to a file if one is named."""
+def _written(root: ElementTree.Element) -> str:
     ElementTree.indent(root)
-    text = ElementTree.tostring(root, encoding="unicode") + "\n"
-    if path is not None:
-        write_whole(path, text)
-    return text
+    return ElementTree.tostring(root, encoding="unicode") + "\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,51 +20,39 @@ from mlivr_gym.robot.capsule_fit import (
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.default_shapes import gripper_capsule
-from mlivr_gym.robot.file_arms import Tree
+from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.sizes import MOST_CAPSULES
 
 
-def solid_geoms(model: Any, body: int) -> list[int]:
-    """Return the collision shapes of a body."""
-    first = int(model.body_geomadr[body])
-    return [
-        geom
-        for geom in range(first, first + int(model.body_geomnum[body]))
-        if model.geom_contype[geom] or model.geom_conaffinity[geom]
-    ]
-
-
-def solids(tree: Tree, members: Iterable[int], frame: Array, remedy: str) -> list[Hull]:
+def solids(file: Description, members: Iterable[int], frame: Array, remedy: str) -> list[Hull]:
     """Return the collision shapes of bodies in a frame of the world, shape (4, 4).
 
     Raises a `RobotError` that ends with what else can be done if a mesh of them cannot be read.
     """
-    model, data = tree.model, tree.file.data
-    turn, origin = frame[:3, :3].T, frame[:3, 3]
-    out = []
-    for body, mesh in tree.file.missing:
-        if body in members:
+    data, turn, out = file.data, frame[:3, :3].T, []
+    for mesh in file.meshes:
+        body = int(file.model.geom_bodyid[mesh.geom.id])
+        if body in members and mesh.is_solid and not mesh.is_read:
             fault = (
                 "not found; name the folder of its package with package_dirs"
-                if Path(mesh).suffix.lower() in MESH_FORMATS
+                if Path(mesh.file).suffix.lower() in MESH_FORMATS
                 else "neither STL nor OBJ; convert it and name the new file"
             )
             raise RobotError(
-                f"the collision mesh {shortened(mesh)} of link {tree.name(body)!r} is {fault}, or "
-                f"{remedy}"
+                f"the collision mesh {shortened(mesh.file)} of link {file.name_of(body)!r} is "
+                f"{fault}, or {remedy}"
             )
-    for geom in (geom for body in members for geom in solid_geoms(model, body)):
-        solid = solid_of(model, geom)
+    for geom in (geom for body in members for geom in file.solid_geoms(body)):
+        solid = solid_of(file.model, geom)
         if solid is not None:
-            rotation = data.geom_xmat[geom].reshape(3, 3)
-            place = turn @ (data.geom_xpos[geom] - origin)
-            out.append(moved_solid(solid, place, turn @ rotation))
+            place = turn @ (data.geom_xpos[geom] - frame[:3, 3])
+            out.append(moved_solid(solid, place, turn @ data.geom_xmat[geom].reshape(3, 3)))
     return out
 
 
 def fitted_capsules(
-    tree: Tree,
+    file: Description,
     members: Iterable[tuple[str, tuple[int, ...], Array]],
     tool_length: float,
     has_gripper: bool,
@@ -80,7 +67,7 @@ def fitted_capsules(
     out: list[Capsule] = []
     excess: dict[str, float] = {}
     for link, part, frame in members:
-        shapes = solids(tree, part, frame, remedy)
+        shapes = solids(file, part, frame, remedy)
         if link in LINKS[6:]:
             fits = [capsule_on_axis(shape) for shape in shapes]
         else:

@@ -16,12 +16,19 @@ import numpy as np
 from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
-from mlivr_gym.robot.derived import usual_joints
-from mlivr_gym.robot.description import Description, read_description, written_in
-from mlivr_gym.robot.file_arms import Tree, arms_of, with_held_joints
+from mlivr_gym.robot.description import Description, written_in
+from mlivr_gym.robot.file_arms import arms_of
 from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
-from mlivr_gym.robot.file_parts import LimbParts, body_parts, frame_on, joined, limb_parts, mount_of
+from mlivr_gym.robot.file_parts import (
+    LimbParts,
+    bases_of,
+    body_parts,
+    frame_on,
+    joined,
+    limb_parts,
+    mount_of,
+)
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
 from mlivr_gym.robot.link_frames import inverse, rigid
@@ -53,8 +60,6 @@ class RobotFile:
 
     fields: dict[str, Any]
     """Fields of `RobotSpec`."""
-    joint_names: tuple[tuple[str, ...], ...]
-    """Names of the joints that move in the file, N of six."""
     file_limbs: tuple[FileLimb, ...] = ()
     """Each limb as the file has it; none if this package wrote the file."""
 
@@ -93,32 +98,26 @@ def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: boo
     tree = read_tree(path)
     written, is_as_written = written_in(tree)
     if is_as_written and not is_told:
-        usual = usual_joints(len(written["mounts"] or ()) or written["limbs"])
-        return RobotFile(written | fields, written.get("joint_names") or usual)
-    file = read_description(path, tree, options)
-    links = Tree(file)
-    arms = arms_of(links, options.tips, options.tool_frame)
-    arms = with_held_joints(links, arms, options.held_joint, options.held_angle)
-    parts = [limb_parts(links, arms, k, options.tool_length) for k in range(len(arms))]
+        return RobotFile(written | fields)
+    file = Description(path, tree, options)
+    arms = arms_of(file, options)
+    every = zip(arms, bases_of(file, arms), strict=True)
+    parts = [limb_parts(file, arm, base, options.tool_length) for arm, base in every]
     if len(arms) == 1:
-        limbs, build = _one_arm(links, parts[0], options)
+        limbs, build = _one_arm(file, parts[0], options)
     else:
-        limbs, build = _whole(links, parts, options)
+        limbs, build = _whole(file, parts, options)
     planned = {key: value for key, value in written.items() if key in PLANNED}
-    return RobotFile(
-        _fields(file, limbs, build) | planned | fields,
-        tuple(limb.joint_names for limb in limbs),
-        tuple(limbs),
-    )
+    return RobotFile(_fields(file, limbs, build) | planned | fields, tuple(limbs))
 
 
 def _one_arm(
-    tree: Tree, parts: LimbParts, options: FileOptions
+    file: Description, parts: LimbParts, options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return equal arms mounted evenly round a box, and the fields of the robot's build."""
     if options.up is not None:
         raise RobotError("up is for a whole robot; the file is one arm")
-    limb = limb_of(tree, parts, options, parts.tool_length, None)
+    limb = limb_of(file, parts, options, parts.tool_length, None)
     count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
     if radius is None:
         radius = 0.5 * float(np.max(size)) + _stand_off(limb)
@@ -145,7 +144,7 @@ def _stand_off(limb: FileLimb) -> float:
 
 
 def _whole(
-    tree: Tree, parts: list[LimbParts], options: FileOptions
+    file: Description, parts: list[LimbParts], options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return the limbs of a whole robot and the fields of its build."""
     count = len(parts)
@@ -158,9 +157,9 @@ def _whole(
         )
     # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
     length = min(part.tool_length for part in parts)
-    members = body_parts(tree, tuple(part.arm for part in parts))
-    bases = [mount_of(tree, part.arm) for part in parts]
-    root = tree.frame(members[0])
+    members = body_parts(file, tuple(part.arm for part in parts), [part.base for part in parts])
+    bases = [mount_of(file, part.arm) for part in parts]
+    root = file.frame(members[0])
     even = None if options.up else _even_frame(np.array(bases), root[:3, :3])
     if even is not None:
         root = even[0]
@@ -168,12 +167,12 @@ def _whole(
         if not any(options.up):
             raise RobotError("up is (0, 0, 0); it must be a direction, such as (-1, 0, 0)")
         up, spine = root[:3, :3] @ options.up, np.roll(root[:, :3], 1, axis=1)
-        shoulders = tree.file.data.xanchor[[part.arm.joints[1] for part in parts]]
+        shoulders = file.data.xanchor[[part.arm.joints[1] for part in parts]]
         middle = shoulders.mean(axis=0)
         root = frame_on(spine, up / np.linalg.norm(up), middle, middle)
-    body, build = _body_of(tree, members, root, even is not None, options.body_size)
+    body, build = _body_of(file, members, root, even is not None, options.body_size)
     order = range(count) if even is None else even[2]
-    limbs = [limb_of(tree, parts[k], options, length, body[:3, 2]) for k in order]
+    limbs = [limb_of(file, parts[k], options, length, body[:3, 2]) for k in order]
     alike = all(limb.is_like(limbs[0]) for limb in limbs)
     build |= {"tool_length": length, "joint_names": tuple(limb.joint_names for limb in limbs)}
     if alike and even is not None:
@@ -190,7 +189,7 @@ def _whole(
 
 
 def _body_of(
-    tree: Tree,
+    file: Description,
     members: tuple[int, ...],
     frame: Array,
     is_even: bool,
@@ -204,16 +203,16 @@ def _body_of(
     """
     if size is None:
         remedy = "give body_size [m]"
-        shapes = solids(tree, members, frame, remedy)
+        shapes = solids(file, members, frame, remedy)
         if not shapes:
-            name = tree.name(members[0])
+            name = file.name_of(members[0])
             raise RobotError(f"the body {name!r} has no collision shape; {remedy}")
         middle, half = box_round(shapes, is_even)
         frame = frame.copy()
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
         size = x if x == y == z else (x, y, z)
-    solid, build = joined(tree, members, frame), dict[str, Any](body_size=size)
+    solid, build = joined(file, members, frame), dict[str, Any](body_size=size)
     if solid.mass:
         build |= {
             "body_mass": solid.mass, "body_centre": solid.centre, "body_inertia": solid.inertia,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Annotated, Any
 
@@ -13,12 +13,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
-from mlivr_gym.robot.link_frames import axes_of, rigid, turn_about_z
+from mlivr_gym.robot.link_frames import axes_of, foot, rigid, turn_about_z
+from mlivr_gym.robot.validators import FARTHEST_TURN, SIX_ANGLES
 from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
-
-FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
 JOINT_LIMITS = (
     *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
@@ -49,9 +47,6 @@ a limb can fold, stay folded and unfold.
 
 Angle = Annotated[float, Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
 """An angle of a joint [rad]."""
-
-SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
-"""Angles of six joints [rad]."""
 
 UNIT_LENGTH = 1e-6
 """How far a quaternion's length may be from 1."""
@@ -221,7 +216,7 @@ class Limb:
     @property
     def frames_at_zero(self) -> Array:
         """Frames of base and links in the base at joint angles of 0, shape (7, 4, 4)."""
-        return frames_at(self.steps, self.senses, np.zeros(6))
+        return link_frames(self, np.zeros(6))
 
     @property
     def link_distances(self) -> tuple[float, ...]:
@@ -237,14 +232,9 @@ class Limb:
 
     @property
     def shoulder_height(self) -> float:
-        """Height of the shoulder over the base, where axis 2 comes closest to axis 1 [m]."""
-        first, second = self.frames_at_zero[1:3]
-        across = np.cross(second[:3, 2], np.cross(first[:3, 2], second[:3, 2]))
-        share = float(first[:3, 2] @ across)
-        if share < MIN_SIZE:
-            return float(second[2, 3])
-        apart = second[:3, 3] - first[:3, 3]
-        return float(first[2, 3] + (apart @ across) / share)
+        """Height of the shoulder over the base, where axis 1 comes closest to axis 2 [m]."""
+        frames = self.frames_at_zero[1:]
+        return float(foot(frames[:, :3, 2], frames[:, :3, 3], 0, 1)[2])
 
     @cached_property
     def arm_length(self) -> float:
@@ -337,6 +327,35 @@ class Limb:
         low, high = self.joint_limits[self.held_joint - 1]
         return self.held_joint if low == high else None
 
+    def with_failed_joint(self, joint: int, angle: float) -> Limb:
+        """Return the limb with a joint, counted from 1, locked at an angle [rad].
+
+        Its limits become that angle, and it is held in place of the one that was. Raises a
+        `RobotError`, to be preceded by which limb it is, if no six other joints can move it.
+        """
+        count = len(self.joint_limits)
+        if joint not in range(1, count + 1):
+            raise RobotError(f"joint is {joint}; it must be a whole number from 1 to {count}")
+        if self.held_joint is None:
+            raise RobotError(
+                f"has {count} joints: with joint {joint} failed it can hold its point, but neither "
+                "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
+                "seven joints plans on"
+            )
+        if self.failed_joint and (joint, angle) != (self.failed_joint, self.held_angle):
+            raise RobotError(
+                f"has joint {self.failed_joint} failed at {self.held_angle:g} rad already; with "
+                f"joint {joint} failed at {angle:g} rad as well it could hold its point, but "
+                "neither step nor follow the body"
+            )
+        try:
+            failed = replace(self, held_joint=joint, held_angle=float(angle))
+        except RobotError as fault:
+            raise RobotError(f"cannot move with joint {joint} failed: {fault}") from None
+        limits = list(self.joint_limits)
+        limits[joint - 1] = (failed.held_angle, failed.held_angle)
+        return replace(failed, joint_limits=tuple(limits))
+
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
 
@@ -351,12 +370,20 @@ class Limb:
         return rows if at is None else np.insert(rows, at - 1, self.held_angle, axis=-1)
 
 
+def link_frames(limb: Limb, angles: Array) -> Array:
+    """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
+
+    Joint angles have shape (..., 6) [rad].
+    """
+    return frames_at(limb.steps, limb.senses, angles)
+
+
 @lru_cache(maxsize=8)
 def _postures(limb: Limb) -> tuple[Array, Array]:
     """Return joint angles (k, 6) [rad] all over the limits, and link frames (k, 7, 4, 4)."""
     low, high = limb.windows.T
     angles = np.random.default_rng(0).uniform(low, high, (TRIED, 6))
-    return angles, frames_at(limb.steps, limb.senses, angles)
+    return angles, link_frames(limb, angles)
 
 
 LIMB = Struct.of(Limb)

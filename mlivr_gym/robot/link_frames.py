@@ -1,35 +1,16 @@
-"""Rigid transforms, and the frames of the links of a limb."""
+"""Rigid transforms."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.kinematics.forms import frames_at
 
-
-class ChainOfLinks(Protocol):
-    """A chain of links, such as a `Limb`."""
-
-    @property
-    def steps(self) -> Array:
-        """Frames of the six links, each in that of the link before, shape (6, 4, 4)."""
-
-    @property
-    def senses(self) -> Array:
-        """1 or -1 for each joint, shape (6,): against the z axis of its link if -1."""
-
-
-def link_frames(limb: ChainOfLinks, angles: Array) -> Array:
-    """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
-
-    Joint angles have shape (..., 6) [rad].
-    """
-    return frames_at(limb.steps, limb.senses, angles)
+PARALLEL = 1e-6
+"""Sine of the angle between axes below which they count as parallel."""
 
 
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
@@ -42,6 +23,19 @@ def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
 def inverse(frame: Array) -> Array:
     """Return the inverse of a rigid transform, shape (4, 4)."""
     return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
+
+
+def foot(axes: Array, points: Array, k: int, other: int) -> Array:
+    """Return the point of an axis that is closest to another one, of parallel ones its own point.
+
+    Axes are unit vectors and a point on each, both of shape (n, 3).
+    """
+    across = np.cross(axes[other], np.cross(axes[k], axes[other]))
+    share = float(axes[k] @ across)
+    point: Array = points[k]
+    if share > PARALLEL * PARALLEL:
+        point = point + float((points[other] - points[k]) @ across) / share * axes[k]
+    return point
 
 
 def turn_about_z(angle: float) -> Array:

@@ -27,13 +27,13 @@ class RigidBody(NamedTuple):
     @property
     def principal_moments(self) -> Array:
         """Its principal moments of inertia, the least first [kg m^2], shape (3,)."""
-        return np.asarray(np.linalg.eigvalsh(_inertia_matrix(self)), dtype=np.float64)
+        return np.asarray(np.linalg.eigvalsh(inertia_matrix(self.inertia)), dtype=np.float64)
 
     def moved(self, frame: Array) -> RigidBody:
         """Return the body, given in a frame (4, 4), in the frame in which that one is given."""
         turn = frame[:3, :3]
         x, y, z = (frame[:3, 3] + turn @ np.array(self.centre)).tolist()
-        inertia = turn @ _inertia_matrix(self) @ turn.T
+        inertia = turn @ inertia_matrix(self.inertia) @ turn.T
         return RigidBody(self.mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
 
 
@@ -45,15 +45,15 @@ def combined(parts: Sequence[RigidBody]) -> RigidBody:
     for part in parts:
         away = np.array(part.centre) - centre
         about = (away @ away) * np.eye(3) - np.outer(away, away)
-        inertia += _inertia_matrix(part) + part.mass * about
+        inertia += inertia_matrix(part.inertia) + part.mass * about
     x, y, z = centre.tolist()
     return RigidBody(mass, (x, y, z), tuple(float(inertia[pair]) for pair in PAIRS))
 
 
-def _inertia_matrix(body: RigidBody) -> Array:
-    """Return the inertia of a body about its centre as a matrix, shape (3, 3)."""
+def inertia_matrix(inertia: Sequence[float]) -> Array:
+    """Return an inertia in the order of `PAIRS` as a matrix, shape (3, 3)."""
     matrix = np.zeros((3, 3))
-    for (row, column), value in zip(PAIRS, body.inertia, strict=True):
+    for (row, column), value in zip(PAIRS, inertia, strict=True):
         matrix[row, column] = matrix[column, row] = value
     return matrix
 

@@ -12,7 +12,7 @@ from wrist_arms import IIWA, LIMBS
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 each_limb = pytest.mark.parametrize("name", LIMBS)
 

@@ -6,7 +6,7 @@ from ssik import Manipulator
 from ssik_arms import apart, read_arm, solutions_of_file, solutions_of_package, solutions_of_ssik
 
 from mlivr_gym import RobotSpec
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.settings import PATH_FLOOR
 
 ARMS = {

@@ -19,7 +19,7 @@ from robot_texts import (
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.robot.from_file import read_robot
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 ARMS = {"ur10e": (frames_of(UR10E), {}), "kr16": (KR16, {}),
         "iiwa": (IIWA14, {"held_joint": "joint3", "held_angle": 0.8})}  # fmt: skip

@@ -54,7 +54,7 @@ def test_fingers_are_no_joints_of_the_arm(tmp_path, fingers, parent):
     names = [("left", "pad1"), ("right", "pad2")][:fingers]
     text = more(straight_arm(), *(hinge(*name[:1], parent, name[1]) for name in names))
     file = read_robot(written(tmp_path, tool_of(text)))
-    assert file.joint_names[0] == SIX
+    assert file.file_limbs[0].joint_names == SIX
     assert file.fields["limb"].held_joint is None
     data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text))
     mujoco.mj_kinematics(model, data)

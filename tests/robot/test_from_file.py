@@ -34,7 +34,7 @@ def test_a_file_s_limits_and_masses_are_the_robot_s(tmp_path):
     assert (*dynamics.masses, dynamics.base_mass) == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 4.0)
     assert robot.dynamics_source == "given with the robot"
     assert "rotor inertias of 0.1 kg m^2 assumed" in robot.source
-    assert robot_spec("mlivr2").dynamics_source == "those of the ur5e, by its lengths"
+    assert robot_spec("mlivr2").dynamics_source == "those of the ur5e"
 
 
 def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):

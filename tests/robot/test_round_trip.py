@@ -12,7 +12,7 @@ from unequal_robots import unequal
 
 from mlivr_gym import RobotSpec, Settings, robot_spec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.stances.implicit_graph import ImplicitGraph
 from mlivr_gym.world.grasp_map import as_map

@@ -12,7 +12,7 @@ from robot_texts import one_arm, written
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.kinematics.forms import closed_form
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.specification import MLIVR2
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
