@@ -15,7 +15,6 @@ from mlivr_gym.schema import (
     Integer,
     ListOf,
     Numbers,
-    OneOrList,
     OrNone,
     Rotation,
     Struct,
@@ -38,8 +37,6 @@ def json_schema_of(kind: Any) -> dict[str, Any]:
             return {}
         case OrNone():
             return {"anyOf": [json_schema_of(kind.kind), {"type": "null"}]}
-        case OneOrList():
-            return {"anyOf": [json_schema_of(kind.one), json_schema_of(kind.listed)]}
         case Text():
             return {"type": "string", "minLength": kind.least, "maxLength": kind.most}
         case Flag():

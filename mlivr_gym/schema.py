@@ -266,18 +266,6 @@ class ListOf(Generic[T]):
 
 
 @dataclass(frozen=True)
-class OneOrList:
-    """A single value of one kind, or a list of another."""
-
-    one: Validator[Any]
-    listed: Validator[Any]
-
-    def read(self, value: object, place: FieldPath) -> Any:
-        """Return what the kind of the value reads."""
-        return (self.listed if _is_list(value) else self.one).read(value, place)
-
-
-@dataclass(frozen=True)
 class Fields:
     """An object with named fields."""
 
@@ -382,13 +370,14 @@ def suggest(value: object, valid: Iterable[str]) -> str:
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
-def _is_list(value: object) -> TypeGuard[Sequence[Any]]:
+def is_list(value: object) -> TypeGuard[Sequence[Any]]:
+    """Return whether a value is a list, a tuple or an array with axes."""
     return isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)
 
 
 def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
     """Return a list, a tuple or an array with axes, if its length is valid."""
-    if not _is_list(value):
+    if not is_list(value):
         raise place.refused(value, "a list")
     if not least <= len(value) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"

@@ -9,14 +9,13 @@ from typing import Annotated, Any
 from mlivr_gym.arguments import FileName, Reader
 from mlivr_gym.robot.capsules import SHAPES, Capsule
 from mlivr_gym.robot.sizes import MOST_LIMBS
-from mlivr_gym.robot.validators import EDGES, LENGTH
+from mlivr_gym.robot.validators import EDGES, LENGTH, OneOrList
 from mlivr_gym.schema import (
     NAME,
     Choice,
     FieldPath,
     Integer,
     ListOf,
-    OneOrList,
     OrNone,
     Struct,
     Tuples,

@@ -10,7 +10,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.robot.rigid import RigidBody
-from mlivr_gym.schema import FieldPath, OneOrList, OrNone, Tuples
+from mlivr_gym.schema import FieldPath, OrNone, Tuples, Validator, is_list
 from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 APART = (
@@ -45,14 +45,27 @@ LENGTH = Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")
 POSITIVE = Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")
 """Validator of a length above 0 [m]."""
 
+SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
+"""Validator of angles of six joints [rad]."""
+
+
+@dataclass(frozen=True)
+class OneOrList:
+    """A single value of one kind, or a list of another."""
+
+    one: Validator[Any]
+    listed: Validator[Any]
+
+    def read(self, value: object, place: FieldPath) -> Any:
+        """Return what the kind of the value reads."""
+        return (self.listed if is_list(value) else self.one).read(value, place)
+
+
 EDGES = OneOrList(
     Tuples((), SMALLEST_BODY, MAX_ROBOT_LENGTH, "m"),
     Tuples((3,), SMALLEST_BODY, MAX_ROBOT_LENGTH, "m"),
 )
 """Validator of the edge of a cube, or of the three edges of a box [m]."""
-
-SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
-"""Validator of angles of six joints [rad]."""
 
 
 @dataclass(frozen=True)

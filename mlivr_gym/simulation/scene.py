@@ -112,7 +112,7 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
     A robot without known masses has those of the UR5e. Pictures do not depend on them, and
     `dynamics.dynamics_spec` refuses such a robot.
     """
-    spec = mujoco.MjSpec.from_string(as_mjcf(robot.name, robot.links(), robot.tool_length))
+    spec = mujoco.MjSpec.from_string(as_mjcf(robot, with_robot=False))
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
     spec.add_material(name="matt", specular=0.1, shininess=0.1)
     for geom in spec.geoms:

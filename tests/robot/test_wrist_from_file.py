@@ -73,7 +73,14 @@ def test_limits_and_the_held_joint_are_those_of_the_file(tmp_path):
     file = read_robot(written(tmp_path, one_arm(frames=IIWA14)), held_angle=0.8)
     limb = file.fields["limb"]
     assert limb.held_angle == 0.8
-    assert file.file_limbs[0].joint_names == ("joint1", "joint2", "joint4", "joint5", "joint6", "joint7")
+    assert file.file_limbs[0].joint_names == (
+        "joint1",
+        "joint2",
+        "joint4",
+        "joint5",
+        "joint6",
+        "joint7",
+    )
     assert limb.joint_limits[2] == pytest.approx((-3.1, 3.0))
     assert limb.joint_limits[3] == pytest.approx((-6.0, 6.1))
     assert "joint joint3 held at 0.8 rad" in file.fields["source"]
@@ -150,7 +157,7 @@ def test_each_arm_of_a_robot_holds_its_own_joint_or_none(tmp_path, arms, held, a
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = False
     theirs, options = spec.compile(), {"held_joint": held, "held_angle": angles}
-    file, robot = read_robot(path, **options), RobotSpec.from_urdf(path, **options)
+    robot = RobotSpec.from_urdf(path, **options)
     ours, moving = compile_spec(robot_alone(robot)), np.random.default_rng(4).uniform(-2, 2, (2, 6))
     there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
     for name, angle in zip(held, angles, strict=True):
