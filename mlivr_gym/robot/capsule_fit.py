@@ -45,16 +45,17 @@ class Hull(NamedTuple):
 
     points: Array
     """Corners of the hull, or centres of balls [m], shape (k, 3)."""
-    radius: float
+    radius: float = 0.0
     """Radius of the balls, of triangles 0 [m]."""
-    corners: Array
+    corners: Array = np.empty((0, 3))
     """Corners of triangles [m], shape (v, 3)."""
-    faces: IntArray
+    faces: IntArray = np.empty((0, 3), dtype=np.int64)
     """Triangles as numbers of their corners, shape (t, 3); none of balls."""
 
-
-NOTHING = np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-"""Corners and faces of no triangles."""
+    def moved(self, position: Array, rotation: Array) -> Hull:
+        """Return it in the frame in which its own has a position and a rotation."""
+        points, corners = (part @ rotation.T + position for part in (self.points, self.corners))
+        return Hull(points, self.radius, corners, self.faces)
 
 
 class FittedCapsule(NamedTuple):
@@ -75,10 +76,9 @@ def solid_of(model: Any, geom: int) -> Hull | None:
     kinds = mujoco.mjtGeom
     kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
     if kind == kinds.mjGEOM_SPHERE:
-        return Hull(np.zeros((1, 3)), float(size[0]), *NOTHING)
+        return Hull(np.zeros((1, 3)), float(size[0]))
     if kind == kinds.mjGEOM_CAPSULE:
-        ends = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]])
-        return Hull(ends, float(size[0]), *NOTHING)
+        return Hull(np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]), float(size[0]))
     if kind == kinds.mjGEOM_BOX:
         return _hull(np.array(list(product((-1.0, 1.0), repeat=3))) * size)
     if kind == kinds.mjGEOM_CYLINDER:
@@ -107,12 +107,6 @@ def directions() -> Array:
     turn = np.pi * (1.0 + np.sqrt(5.0)) * k
     across = np.sqrt(1.0 - z * z)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=1)
-
-
-def moved_solid(solid: Hull, position: Array, rotation: Array) -> Hull:
-    """Return a solid in the frame in which its own has a position and a rotation."""
-    points, corners = (part @ rotation.T + position for part in (solid.points, solid.corners))
-    return Hull(points, solid.radius, corners, solid.faces)
 
 
 def capsules_of(solid: Hull) -> list[FittedCapsule]:
@@ -156,9 +150,8 @@ def _fitted(solid: Hull) -> FittedCapsule:
 
 def capsule_on_axis(solid: Hull) -> FittedCapsule:
     """Return the smallest capsule on the z axis that contains a solid."""
-    points = solid.points
-    start, end, radius = _along(points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    return _with_excess(points, start, end, radius, solid.radius)
+    found = _along(solid.points, np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    return _with_excess(solid.points, *found, solid.radius)
 
 
 def _with_excess(

@@ -15,7 +15,6 @@ from mlivr_gym.robot.capsule_fit import (
     Hull,
     capsule_on_axis,
     capsules_of,
-    moved_solid,
     solid_of,
 )
 from mlivr_gym.robot.capsules import LINKS, Capsule
@@ -47,7 +46,7 @@ def solids(file: Description, members: Iterable[int], frame: Array, remedy: str)
         solid = solid_of(file.model, geom)
         if solid is not None:
             place = turn @ (data.geom_xpos[geom] - frame[:3, 3])
-            out.append(moved_solid(solid, place, turn @ data.geom_xmat[geom].reshape(3, 3)))
+            out.append(solid.moved(place, turn @ data.geom_xmat[geom].reshape(3, 3)))
     return out
 
 

@@ -134,7 +134,6 @@ class Limb:
         self._check_axes(place)
 
     def _check_limits(self, place: FieldPath) -> None:
-        """Refuse limits in the wrong order, and a held angle outside them, by a `RobotError`."""
         for joint, (low, high) in enumerate(self.joint_limits):
             if not (low < high or (low == high and joint + 1 == self.held_joint)):
                 limits = place.field("joint_limits").entry(joint)
@@ -149,7 +148,6 @@ class Limb:
             )
 
     def _check_axes(self, place: FieldPath) -> None:
-        """Refuse axes that no limb can have, by a `RobotError`."""
         first, last = self.steps[0], self.steps[5]
         if max(*np.abs(first[:2, 3]), *np.abs(first[:2, 2])) > SAME_LINE or first[2, 2] < 0.0:
             raise (
@@ -176,22 +174,20 @@ class Limb:
     @cached_property
     def _whole(self) -> tuple[Array, Array]:
         """Base of the joints that move in the mount (4, 4), and their steps (6, 4, 4)."""
-        steps, before = [], np.eye(4)
-        axes = self.axes or (1.0,) * len(self.origins)
-        for k, (origin, quaternion) in enumerate(
-            zip(self.origins, self.quaternions, strict=True), 1
-        ):
-            # What quarter turns leave of a sine is a rounding error.
-            before = before @ rigid(np.round(axes_of(quaternion), 15), origin)
-            if k == self.held_joint:
-                before = before @ turn_about_z(axes[k - 1] * self.held_angle)
-                continue
-            steps.append(before)
-            before = np.eye(4)
-        if self.held_joint == len(self.origins):
-            steps[-1] = steps[-1] @ before
+        axes, locked = self.axes or (1.0,) * len(self.origins), self.held_joint
+        # What quarter turns leave of a sine is a rounding error; nothing is -0.
+        steps = [
+            rigid(np.round(axes_of(quaternion), 15), origin) + 0.0
+            for origin, quaternion in zip(self.origins, self.quaternions, strict=True)
+        ]
+        if locked is not None:
+            step = steps.pop(locked - 1) @ turn_about_z(axes[locked - 1] * self.held_angle)
+            if locked < len(self.origins):
+                steps[locked - 1] = step @ steps[locked - 1]
+            else:
+                steps[-1] = steps[-1] @ step
         base = np.eye(4)
-        if self.held_joint == 1:
+        if locked == 1:
             base, steps[0] = steps[0], np.eye(4)
         return base, np.array(steps)
 
@@ -214,11 +210,6 @@ class Limb:
         return self.moving_angles(np.array(self.axes or (1.0,) * len(self.origins)))
 
     @property
-    def frames_at_zero(self) -> Array:
-        """Frames of base and links in the base at joint angles of 0, shape (7, 4, 4)."""
-        return link_frames(self, np.zeros(6))
-
-    @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
         base = float(np.linalg.norm(self.base_in_mount[:3, 3]))
@@ -233,7 +224,7 @@ class Limb:
     @property
     def shoulder_height(self) -> float:
         """Height of the shoulder over the base, where axis 1 comes closest to axis 2 [m]."""
-        frames = self.frames_at_zero[1:]
+        frames = link_frames(self, np.zeros(6))[1:]
         return float(foot(frames[:, :3, 2], frames[:, :3, 3], 0, 1)[2])
 
     @cached_property
@@ -319,14 +310,6 @@ class Limb:
         inside: Array = angles[(angles <= high).all(axis=1)]
         return inside
 
-    @property
-    def failed_joint(self) -> int | None:
-        """Number of the joint that is locked, whose limits are one angle; None if none is."""
-        if self.held_joint is None:
-            return None
-        low, high = self.joint_limits[self.held_joint - 1]
-        return self.held_joint if low == high else None
-
     def with_failed_joint(self, joint: int, angle: float) -> Limb:
         """Return the limb with a joint, counted from 1, locked at an angle [rad].
 
@@ -342,11 +325,12 @@ class Limb:
                 "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
                 "seven joints plans on"
             )
-        if self.failed_joint and (joint, angle) != (self.failed_joint, self.held_angle):
+        low, high = self.joint_limits[self.held_joint - 1]
+        if low == high and (joint, angle) != (self.held_joint, low):
             raise RobotError(
-                f"has joint {self.failed_joint} failed at {self.held_angle:g} rad already; with "
-                f"joint {joint} failed at {angle:g} rad as well it could hold its point, but "
-                "neither step nor follow the body"
+                f"has joint {self.held_joint} failed at {low:g} rad already; with joint {joint} "
+                f"failed at {angle:g} rad as well it could hold its point, but neither step nor "
+                "follow the body"
             )
         try:
             failed = replace(self, held_joint=joint, held_angle=float(angle))

@@ -14,6 +14,7 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.errors import RobotError
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.from_file import read_robot
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances.random_states import random_state
 
 SIX = tuple(f"joint{k}" for k in range(1, 7))
@@ -59,7 +60,7 @@ def test_fingers_are_no_joints_of_the_arm(tmp_path, fingers, parent):
     data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text))
     mujoco.mj_kinematics(model, data)
     limb, mount = file.file_limbs[0].limb, file.file_limbs[0].mount
-    flange = mount @ limb.frames_at_zero[6]
+    flange = mount @ link_frames(limb, np.zeros(6))[6]
     tool = data.body("link6").xpos + data.body("link6").xmat.reshape(3, 3) @ [0, 0, 0.05]
     grasp = flange[:3, 3] + file.fields["tool_length"] * flange[:3, 2]
     np.testing.assert_allclose(grasp, tool, atol=1e-9)
