@@ -22,8 +22,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.file_meshes import FileMesh, name_apart, taken_out
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.link_frames import rigid
-from mlivr_gym.robot.rigid import PAIRS, inertia_matrix
+from mlivr_gym.robot.rigid import PAIRS, inertia_matrix, rigid
 from mlivr_gym.robot.validators import FARTHEST_TURN
 
 SPEED_LIMITS = "speed_limits"

@@ -18,8 +18,7 @@ from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.description import DIGEST, PLANNING, SPEED_LIMITS, digest_of
 from mlivr_gym.robot.fields import RobotFields
 from mlivr_gym.robot.limb_dynamics import arm_dynamics, gripper_link
-from mlivr_gym.robot.link_frames import axes_of, quaternion_of, rigid
-from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.robot.rigid import RigidBody, axes_of, quaternion_of, rigid
 
 Element = ElementTree.Element
 
@@ -137,8 +136,8 @@ def _add_link(root: Element, body: Element, speeds: Iterator[float], parent: str
         if grasp.endswith("/grasp"):
             _sub(root, "link", name=grasp)
             _joined(root, f"{grasp}/fixed", "fixed", _origin(_frame_of(site)), (name, grasp))
-    for carried in body.findall("body"):
-        _add_link(root, carried, speeds, name)
+    for inner in body.findall("body"):
+        _add_link(root, inner, speeds, name)
 
 
 def _add_shape(collision: Element, geom: Element) -> None:

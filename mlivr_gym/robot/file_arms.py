@@ -11,7 +11,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.description import Description, each
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.link_frames import axes_of, rigid
+from mlivr_gym.robot.rigid import axes_of, rigid
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""

@@ -13,7 +13,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
 from mlivr_gym.robot.file_text import mesh_bytes, mesh_file
-from mlivr_gym.robot.link_frames import axes_of, inverse, quaternion_of, rigid
+from mlivr_gym.robot.rigid import axes_of, inverse, quaternion_of, rigid
 from mlivr_gym.robot.visuals import Colour, Visual
 from mlivr_gym.values import Triple
 

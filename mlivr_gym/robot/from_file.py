@@ -30,9 +30,9 @@ from mlivr_gym.robot.file_parts import (
 )
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
-from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
+from mlivr_gym.robot.rigid import inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import Box

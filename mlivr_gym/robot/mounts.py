@@ -17,7 +17,7 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import GivenCapsules
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import GIVEN_LIMB, GivenDynamics
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.robot.validators import POSITION
 from mlivr_gym.robot.visuals import GivenVisuals
 from mlivr_gym.schema import FieldPath, OrNone, Rotation, Struct

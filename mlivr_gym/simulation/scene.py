@@ -18,7 +18,7 @@ from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.export import as_mjcf
-from mlivr_gym.robot.link_frames import quaternion_of
+from mlivr_gym.robot.rigid import quaternion_of
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.robot.visuals import rgba as rgba

@@ -19,7 +19,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.robot.limb import link_frames
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import rigid
 
 ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)

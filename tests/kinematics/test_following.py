@@ -21,7 +21,7 @@ from mlivr_gym.kinematics.following import (
     invert_jacobian,
 )
 from mlivr_gym.robot.limb import link_frames
-from mlivr_gym.robot.link_frames import inverse, rigid
+from mlivr_gym.robot.rigid import inverse, rigid
 
 ARMS = {"ur5e": Limb(), "iiwa": LIMBS["iiwa"], "franka": LIMBS["franka"],
         "iiwa-fifth": OTHERS["iiwa-fifth"], "numeric": limb_of(TABLES["xarm6"])}  # fmt: skip
