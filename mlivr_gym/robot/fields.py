@@ -143,7 +143,9 @@ class RobotFields:
             self.cargo.check_room(self.cargo_frame, self.mounted)
         names = [name for limb in self.joint_names or () for name in limb]
         if len(names) not in (0, 6 * self.limbs):
-            raise RobotError(f"joint_names is of {len(names) // 6} limbs; it has {self.limbs}")
+            raise RobotError(
+                f"joint_names is of {len(names) // 6} limbs; the robot has {self.limbs}"
+            )
         for k, name in enumerate(names):
             if name in names[:k]:
                 raise RobotError(f"joint_names has {name!r} twice; names must differ")
