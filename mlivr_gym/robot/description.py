@@ -149,6 +149,10 @@ class Description:
         """Return the frame of a body in the world, shape (4, 4)."""
         return rigid(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
 
+    def lines(self, joints: Sequence[int]) -> tuple[Array, Array]:
+        """Return axes of joints and a point on each in the world, both of shape (n, 3)."""
+        return self.data.xaxis[list(joints)], self.data.xanchor[list(joints)]
+
     def meshes_of(self, body: int) -> list[FileMesh]:
         """Return the meshes that show a body.
 

@@ -126,7 +126,7 @@ def _chain_of(
     The frame of a link has its origin where the joint's axis is closest to that of the
     link before, and its x axis as the file has it.
     """
-    axes, anchors = file.data.xaxis[list(arm.joints)], file.data.xanchor[list(arm.joints)]
+    axes, anchors = file.lines(arm.joints)
     data = [file.joints[joint] for joint in arm.joints]
     length = float(np.linalg.norm(np.diff([*anchors, flange[:3, 3]], axis=0), axis=1).sum())
     if length > MAX_ROBOT_LENGTH:

@@ -61,15 +61,14 @@ def limb_parts(
     Shapes behind the last link are a gripper, or else, and where a tool length is given [m], belong
     to that link. Raises a `RobotError` if the tool frame lies beside the last axis, or leans.
     """
-    data, joints = file.data, list(arm.joints)
     moved = [file.body_of(joint) for joint in arm.moving]
     nearest, last = file.nearest(moved), moved[-1]
     links = [tuple(np.flatnonzero(nearest == body).tolist()) for body in moved]
     tool = file.frame(arm.tool.body) @ arm.tool.frame
-    axes, anchors = data.xaxis[joints], data.xanchor[joints]
+    axes, anchors = file.lines(arm.joints)
     off = float(np.linalg.norm(np.cross(tool[:3, 3] - anchors[-1], axes[-1])))
     if off > MEETING:
-        name = file.joints[joints[-1]].name
+        name = file.joints[arm.joints[-1]].name
         raise RobotError(
             f"the flange lies {off:.3g} m off the axis of joint {name!r}; it must lie on it, "
             "choose another with tool_frame"
@@ -85,7 +84,7 @@ def limb_parts(
         behind = tuple(body for body in links[-1] if file.nearest(shaped)[body])
         fingers = [body for body in behind if file.moved[body] != last]
         starts = [*behind[:1], *([last] if fingers else [])]
-        before = [float((grasp[:3, 3] - data.xpos[body]) @ grasp[:3, 2]) for body in starts]
+        before = [float((grasp[:3, 3] - file.data.xpos[body]) @ grasp[:3, 2]) for body in starts]
         long = [one for one in before if one >= SHORTEST_GRIPPER]
         if long or fingers:
             gripper, length = behind, round(long[0], 9) if long else 0.0
@@ -122,9 +121,8 @@ def mount_of(file: Description, arm: FileArm, up: Array | None = None) -> Array:
     The axis of the first joint, in the sense in which the arm lies over its base, is its z axis.
     Its x axis is as a direction `up`, or if none is given as that of the link that carries it.
     """
-    joints, data = list(arm.joints), file.data
-    axes, anchors = data.xaxis[joints], data.xanchor[joints]
-    base = file.frame(file.parent(file.body_of(joints[0])))
+    axes, anchors = file.lines(arm.joints)
+    base = file.frame(file.parent(file.body_of(arm.joints[0])))
     shoulder = foot(axes, anchors, 0, 1)
     sense = _sense_of((shoulder - base[:3, 3]) @ axes[0], base[:3, 2] @ axes[0])
     hint = base.copy()
@@ -147,35 +145,29 @@ def joined(file: Description, members: Iterable[int], frame: Array) -> RigidBody
     return combined(parts).moved(inverse(frame))
 
 
-def bases_of(file: Description, arms: tuple[FileArm, ...]) -> list[tuple[int, ...]]:
-    """Return the bodies that fix each limb, and no other, to the robot's body."""
-    first = [file.body_of(arm.moving[0]) for arm in arms]
-    before, out = [set(file.carriers(file.parent(body))) for body in first], []
-    for k, mine in enumerate(before):
-        others = set[int]().union(*before[:k], *before[k + 1 :])
-        alone = mine - others if others or len(arms) == 1 else set[int]()
-        members = (file.nearest(alone) > 0) & (file.nearest(first) == 0)
-        out.append(tuple(np.flatnonzero(members).tolist()))
-    return out
+def body_and_bases(
+    file: Description, arms: tuple[FileArm, ...]
+) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    """Return the bodies of the robot's body, its root first, and those that fix each limb to it.
 
-
-def body_parts(
-    file: Description, arms: tuple[FileArm, ...], bases: list[tuple[int, ...]]
-) -> tuple[int, ...]:
-    """Return the bodies that belong to the robot's body, its root first.
-
-    Raises a `RobotError` if the limbs do not stand on one body.
+    Raises a `RobotError` if several limbs do not stand on one body.
     """
     first = [file.body_of(arm.moving[0]) for arm in arms]
     roots = {file.carriers(body)[-1] for body in first}
-    if len(roots) > 1 or roots & set(first):
+    if len(arms) > 1 and (len(roots) > 1 or roots & set(first)):
         names = ", ".join(repr(file.name_of(root)) for root in sorted(roots))
         raise RobotError(
             f"the limbs stand on {names}; all must be mounted on one body, put these into one"
         )
-    members = (file.nearest(roots) > 0) & (file.nearest(first) == 0)
+    before = [set(file.carriers(file.parent(body))) for body in first]
+    fixed, bases = file.nearest(first) == 0, []
+    for k, mine in enumerate(before):
+        # What carries this limb alone belongs to it, with what is on that.
+        alone = mine - set[int]().union(*before[:k], *before[k + 1 :])
+        bases.append(tuple(np.flatnonzero(fixed & (file.nearest(alone) > 0)).tolist()))
+    members = fixed & (file.nearest(roots) > 0)
     members[[body for base in bases for body in base]] = False
-    return tuple(np.flatnonzero(members).tolist())
+    return tuple(np.flatnonzero(members).tolist()), bases
 
 
 def _sense_of(length: float, otherwise: float) -> float:

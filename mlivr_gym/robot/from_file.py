@@ -21,8 +21,7 @@ from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
 from mlivr_gym.robot.file_parts import (
     LimbParts,
-    bases_of,
-    body_parts,
+    body_and_bases,
     frame_on,
     joined,
     limb_parts,
@@ -99,27 +98,31 @@ def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: boo
         return RobotFile(written | fields)
     file = Description(path, tree, options)
     arms = arms_of(file, options)
-    every = zip(arms, bases_of(file, arms), strict=True)
+    members, bases = body_and_bases(file, arms)
+    every = zip(arms, bases, strict=True)
     parts = [limb_parts(file, arm, base, options.tool_length) for arm, base in every]
-    limbs, build = (_one_arm if len(arms) == 1 else _whole)(file, parts, options)
+    if len(arms) == 1:
+        limbs, build = _one_arm(file, parts[0], options)
+    else:
+        limbs, build = _whole(file, members, parts, options)
     planned = {key: value for key, value in written.items() if key in PLANNED}
     return RobotFile(_fields(file, limbs) | build | planned | fields, tuple(limbs))
 
 
 def _one_arm(
-    file: Description, parts: list[LimbParts], options: FileOptions
+    file: Description, part: LimbParts, options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return equal arms mounted evenly round a box, and the fields of the robot's build."""
     if options.up is not None:
         raise RobotError("up is for a whole robot; the file is one arm")
-    limb = limb_of(file, parts[0], options, parts[0].tool_length, None)
+    limb = limb_of(file, part, options, part.tool_length, None)
     count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
     if radius is None:
         radius = 0.5 * float(np.max(size)) + _stand_off(limb)
     names = tuple(tuple(f"limb{i}/{name}" for name in limb.joint_names) for i in range(count))
     return [limb] * count, {
         "limbs": count, "body_size": size, "mount_radius": radius,
-        "tool_length": parts[0].tool_length, "joint_names": names,
+        "tool_length": part.tool_length, "joint_names": names,
     }  # fmt: skip
 
 
@@ -139,7 +142,7 @@ def _stand_off(limb: FileLimb) -> float:
 
 
 def _whole(
-    file: Description, parts: list[LimbParts], options: FileOptions
+    file: Description, members: tuple[int, ...], parts: list[LimbParts], options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return the limbs of a whole robot and the fields of its build."""
     count, arms = len(parts), tuple(part.arm for part in parts)
@@ -150,7 +153,6 @@ def _whole(
             f"mount_radius is {options.mount_radius}; the file is a whole robot of {count} limbs, "
             "whose mounts it names"
         )
-    members = body_parts(file, arms, [part.base for part in parts])
     frame, radius, order = file.frame(members[0]), None, tuple(range(count))
     if options.up is not None:
         frame = _upright(frame, options.up, file.data.xanchor[[arm.joints[1] for arm in arms]])
