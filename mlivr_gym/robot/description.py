@@ -137,7 +137,7 @@ class Description:
 
     def solid_geoms(self, body: int) -> list[int]:
         """Return the collision shapes of a body."""
-        solid = (self.model.geom_contype > 0) | (self.model.geom_conaffinity > 0)
+        solid = (self.model.geom_contype != 0) | (self.model.geom_conaffinity != 0)
         shapes: list[int] = np.flatnonzero(solid & (self.model.geom_bodyid == body)).tolist()
         return shapes
 

@@ -7,7 +7,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from robot_texts import UR10E, one_arm, whole_robot, written
-from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.kinematics.forms import closed_form
@@ -60,16 +59,19 @@ def test_a_whole_robot_has_its_mounts_and_unequal_limbs(tmp_path):
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_evenly_mounted_arms_are_recognised(tmp_path, count):
-    """Their zero angles point alike, so that they have the same limits."""
+    """Their zero angles point alike, so that they have the same limits, or none."""
     places = []
     for angle in 2.0 * np.pi * np.arange(count) / count:
         axis = np.array([np.cos(angle), np.sin(angle), 0.0])
         across = np.array([-0.5 * np.sin(angle), 0.5 * np.cos(angle), np.sqrt(0.75)])
         places.append(frame_at(0.2 * axis, axis, np.cross(axis, across)))
-    robot = RobotSpec.from_urdf(written(tmp_path, whole_robot(places)))
-    assert robot.mounts is None
-    assert robot.limbs == count
-    assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+    for kind, width in (("revolute", 12.1), ("continuous", 200.0)):
+        text = whole_robot(places).replace('joint1" type="revolute"', f'joint1" type="{kind}"')
+        robot = RobotSpec.from_urdf(written(tmp_path, text))
+        assert robot.mounts is None
+        assert robot.limbs == count
+        assert robot.mount_radius == pytest.approx(0.2, abs=1e-8)
+        assert np.diff(robot.limb.joint_limits[0])[0] == pytest.approx(width)
 
 
 def test_a_torso_whose_arms_reach_forward_is_told_which_way_is_up(tmp_path):
@@ -86,19 +88,6 @@ def test_a_torso_whose_arms_reach_forward_is_told_which_way_is_up(tmp_path):
         np.testing.assert_allclose(found.rotation[:, 2], places[k][:3, 2], atol=1e-9)
         away = np.cross(found.translation - places[k][:3, 3], places[k][:3, 2])
         np.testing.assert_allclose(away, 0.0, atol=1e-9)
-
-
-def test_first_joints_that_turn_without_end_are_turned_with_their_bases(tmp_path):
-    places = []
-    for angle in (0.0, np.pi):
-        turn = Rotation.from_euler("ZYZ", [angle, 0.5 * np.pi, 0.7])
-        places.append(np.eye(4))
-        places[-1][:3, :3], places[-1][:3, 3] = turn.as_matrix(), 0.2 * turn.as_matrix()[:, 2]
-    text = whole_robot(places).replace('joint1" type="revolute"', 'joint1" type="continuous"')
-    robot = RobotSpec.from_urdf(written(tmp_path, text))
-    assert robot.mounts is None
-    low, high = robot.limb.joint_limits[0]
-    assert high - low > 30.0 * np.pi
 
 
 def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):
