@@ -148,8 +148,8 @@ def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]
     links that the joint connects have one.
     """
     shapes, steps = robot.mounted[limb].capsules or (), robot.every_limb[limb].steps
-    for k, step in enumerate(steps):
-        for link, joint in ((LINKS[k], step[:3, 3]), (LINKS[k + 1], np.zeros(3))):
+    for k, place in enumerate([*steps[:, :3, 3], np.zeros(3)]):
+        for link, joint in ((LINKS[k], place), (LINKS[k + 1], np.zeros(3))):
             ends = [
                 np.linspace(shape.start, shape.end, AXIS_SAMPLES)
                 for shape in shapes
