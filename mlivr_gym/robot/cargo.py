@@ -141,35 +141,36 @@ class Cargo:
         links = zip(dynamics.solids, frames, strict=True)
         return [*(solid.moved(frame) for solid, frame in links), gripper]
 
-    def check_room(self, frame: Array, mounts: Sequence[Mount]) -> None:
-        """Refuse a box or a locked limb that meets bases of limbs or what their shoulders sweep.
 
-        The box has a frame (4, 4) in the body, mounts have all that they have by default. No check
-        of a posture compares these.
-        """
-        where = (
-            f"cargo of {' by '.join(f'{edge:g}' for edge in self.edges)} m with its centre at "
-            f"{frame[:3, 3].tolist()}"
-        )
-        held = [
-            (_samples(ends), radius)
-            for link, ends, radius in self.limb_capsules
-            if LINKS.index(link) >= LINKS.index("upper_arm")
-        ]
-        for i, mount in enumerate(mounts):
-            for link, axis, radius in _bases_and_shoulders(mount):
-                points = _samples(axis)
-                outside = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - 0.5 * self.edges
-                depths = [(radius - np.linalg.norm(outside.clip(0.0), axis=1).min(), where)]
-                for other, around in held:
-                    gap = np.linalg.norm(points[:, None] - other, axis=2).min()
-                    depths.append((radius + around - gap, "the locked limb"))
-                for depth, name in depths:
-                    if depth > 0.0:
-                        raise RobotError(
-                            f"{name} overlaps the {link} of limb {i} by {depth:.3g} m, so that no "
-                            "posture can hold it; make the cargo smaller, or move it"
-                        )
+def check_room(cargo: Cargo, frame: Array, mounts: Sequence[Mount]) -> None:
+    """Refuse a box or a locked limb that meets bases of limbs or what their shoulders sweep.
+
+    The box has a frame (4, 4) in the body, mounts have all that they have by default. No check
+    of a posture compares these.
+    """
+    where = (
+        f"cargo of {' by '.join(f'{edge:g}' for edge in cargo.edges)} m with its centre at "
+        f"{frame[:3, 3].tolist()}"
+    )
+    held = [
+        (_samples(ends), radius)
+        for link, ends, radius in cargo.limb_capsules
+        if LINKS.index(link) >= LINKS.index("upper_arm")
+    ]
+    for i, mount in enumerate(mounts):
+        for link, axis, radius in _bases_and_shoulders(mount):
+            points = _samples(axis)
+            outside = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - 0.5 * cargo.edges
+            depths = [(radius - np.linalg.norm(outside.clip(0.0), axis=1).min(), where)]
+            for other, around in held:
+                gap = np.linalg.norm(points[:, None] - other, axis=2).min()
+                depths.append((radius + around - gap, "the locked limb"))
+            for depth, name in depths:
+                if depth > 0.0:
+                    raise RobotError(
+                        f"{name} overlaps the {link} of limb {i} by {depth:.3g} m, so that no "
+                        "posture can hold it; make the cargo smaller, or move it"
+                    )
 
 
 def _bases_and_shoulders(mount: Mount) -> Iterator[tuple[str, Array, float]]:

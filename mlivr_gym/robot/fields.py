@@ -13,7 +13,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS, GivenCapsules
-from mlivr_gym.robot.cargo import CARGO, Cargo
+from mlivr_gym.robot.cargo import CARGO, Cargo, check_room
 from mlivr_gym.robot.default_shapes import default_capsules
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import (
@@ -140,7 +140,7 @@ class RobotFields:
         object.__setattr__(self, "heights", tuple(sorted(self.heights)))
         object.__setattr__(self, "rolls", geometric_order(self.rolls))
         if self.cargo is not None:
-            self.cargo.check_room(self.cargo_frame, self.mounted)
+            check_room(self.cargo, self.cargo_frame, self.mounted)
         names = [name for limb in self.joint_names or () for name in limb]
         if len(names) not in (0, 6 * self.limbs):
             raise RobotError(

@@ -310,36 +310,6 @@ class Limb:
         inside: Array = angles[(angles <= high).all(axis=1)]
         return inside
 
-    def with_failed_joint(self, joint: int, angle: float) -> Limb:
-        """Return the limb with a joint, counted from 1, locked at an angle [rad].
-
-        Its limits become that angle, and it is held in place of the one that was. Raises a
-        `RobotError`, to be preceded by which limb it is, if no six other joints can move it.
-        """
-        count = len(self.joint_limits)
-        if joint not in range(1, count + 1):
-            raise RobotError(f"joint is {joint}; it must be a whole number from 1 to {count}")
-        if self.held_joint is None:
-            raise RobotError(
-                f"has {count} joints: with joint {joint} failed it can hold its point, but neither "
-                "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
-                "seven joints plans on"
-            )
-        low, high = self.joint_limits[self.held_joint - 1]
-        if low == high and (joint, angle) != (self.held_joint, low):
-            raise RobotError(
-                f"has joint {self.held_joint} failed at {low:g} rad already; with joint {joint} "
-                f"failed at {angle:g} rad as well it could hold its point, but neither step nor "
-                "follow the body"
-            )
-        try:
-            failed = replace(self, held_joint=joint, held_angle=float(angle))
-        except RobotError as fault:
-            raise RobotError(f"cannot move with joint {joint} failed: {fault}") from None
-        limits = list(self.joint_limits)
-        limits[joint - 1] = (failed.held_angle, failed.held_angle)
-        return replace(failed, joint_limits=tuple(limits))
-
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
 
@@ -360,6 +330,37 @@ def link_frames(limb: Limb, angles: Array) -> Array:
     Joint angles have shape (..., 6) [rad].
     """
     return frames_at(limb.steps, limb.senses, angles)
+
+
+def with_failed_joint(limb: Limb, joint: int, angle: float) -> Limb:
+    """Return a limb with a joint, counted from 1, locked at an angle [rad].
+
+    Its limits become that angle, and it is held in place of the one that was. Raises a
+    `RobotError`, to be preceded by which limb it is, if no six other joints can move it.
+    """
+    count = len(limb.joint_limits)
+    if joint not in range(1, count + 1):
+        raise RobotError(f"joint is {joint}; it must be a whole number from 1 to {count}")
+    if limb.held_joint is None:
+        raise RobotError(
+            f"has {count} joints: with joint {joint} failed it can hold its point, but neither "
+            "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
+            "seven joints plans on"
+        )
+    low, high = limb.joint_limits[limb.held_joint - 1]
+    if low == high and (joint, angle) != (limb.held_joint, low):
+        raise RobotError(
+            f"has joint {limb.held_joint} failed at {low:g} rad already; with joint {joint} "
+            f"failed at {angle:g} rad as well it could hold its point, but neither step nor "
+            "follow the body"
+        )
+    try:
+        failed = replace(limb, held_joint=joint, held_angle=float(angle))
+    except RobotError as fault:
+        raise RobotError(f"cannot move with joint {joint} failed: {fault}") from None
+    limits = list(limb.joint_limits)
+    limits[joint - 1] = (failed.held_angle, failed.held_angle)
+    return replace(failed, joint_limits=tuple(limits))
 
 
 @lru_cache(maxsize=8)

@@ -18,6 +18,7 @@ from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
 from mlivr_gym.robot.fields import RobotFields
+from mlivr_gym.robot.limb import with_failed_joint
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.schema import FieldPath, Integer, Struct
@@ -128,7 +129,7 @@ class RobotSpec(RobotFields):
             raise RobotError(f"limb is {limb}; it must be a whole number from 0 to {last}")
         whole = mounts[limb].limb or self.limb
         try:
-            failed = whole.with_failed_joint(joint, angle)
+            failed = with_failed_joint(whole, joint, angle)
         except RobotError as fault:
             raise RobotError(f"limb {limb} {fault}") from None
         if failed == whole:
