@@ -22,23 +22,6 @@ EXACT = 1e-10
 """The same where the closed form is all."""
 
 
-PARALLEL = 1e-6
-"""Sine of the angle between axes below which they count as parallel."""
-
-
-def foot(z: Array, o: Array, k: int, other: int) -> Array:
-    """Return the point of an axis that is closest to another one, of parallel ones its own point.
-
-    Axes are unit vectors and a point on each, both of shape (n, 3).
-    """
-    across = np.cross(z[other], np.cross(z[k], z[other]))
-    share = float(z[k] @ across)
-    point: Array = o[k]
-    if share > PARALLEL * PARALLEL:
-        point = point + float((o[other] - o[k]) @ across) / share * z[k]
-    return point
-
-
 class Axes(NamedTuple):
     """Where the joints of a chain are at zero angles, as seen from its mount."""
 
@@ -59,7 +42,11 @@ class Axes(NamedTuple):
 
     def foot(self, k: int, other: int) -> Array:
         """Return the point of an axis that is closest to another one [m]."""
-        return foot(self.z, self.o, k, other)
+        normal = np.cross(self.z[other], np.cross(self.z[k], self.z[other]))
+        across = float(self.z[k] @ normal)
+        share = float((self.o[other] - self.o[k]) @ normal) / across if across else 0.0
+        point: Array = self.o[k] + share * self.z[k]
+        return point
 
     def sine(self, k: int, other: int) -> float:
         """Return the sine of the angle between two axes."""

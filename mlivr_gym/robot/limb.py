@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Annotated, Any
@@ -11,9 +10,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, foot, frames_at
+from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
-from mlivr_gym.robot.rigid import axes_of, rigid, turn_about_z
+from mlivr_gym.robot.rigid import axes_of, foot, rigid, turn_about_z
 from mlivr_gym.robot.validators import FARTHEST_TURN, SIX_ANGLES
 from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
@@ -301,14 +300,6 @@ class Limb:
         count = np.shape(angles)[-1]
         turned: Array = (np.array(form.sign) * self.senses)[:count] * (angles - zero[:count])
         return turned
-
-    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
-        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
-        low, high = self.windows[:5].T
-        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
-        angles = low + np.mod(angles - low, 2.0 * np.pi)
-        inside: Array = angles[(angles <= high).all(axis=1)]
-        return inside
 
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
