@@ -80,9 +80,10 @@ def _mjcf(robot: RobotFields) -> Element:
             shapes = [shape for shape in mount.capsules or () if shape.link == link]
             for n, shape in enumerate(shapes):
                 _add_capsule(body, f"limb{i}/{link}/{n}", (shape.start, shape.end), shape.radius)
-        for site, height in (("flange", 0.0), ("grasp", robot.tool_length)):
-            place = _text((0.0, 0.0, height))
-            _sub(body, "site", name=f"limb{i}/{site}", pos=place, size="0.005")
+            if link == LINKS[6]:
+                _sub(body, "site", name=f"limb{i}/flange", pos="0 0 0", size="0.005")
+        grasp = _text((0.0, 0.0, robot.tool_length))
+        _sub(body, "site", name=f"limb{i}/grasp", pos=grasp, size="0.005")
     return root
 
 
