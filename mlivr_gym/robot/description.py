@@ -300,7 +300,6 @@ def _repaired_inertias(spec: Any) -> list[str]:
 def _joint_data(
     model: Any, hinges: list[int], speeds: dict[str, float], options: FileOptions
 ) -> dict[int, JointData]:
-    """Return the data of the hinges; the speeds are those of a URDF by joint."""
     given, out = options.speed_limits, {}
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
     if given is None and number >= 0:

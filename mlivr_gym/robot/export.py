@@ -51,7 +51,6 @@ def as_urdf(robot: RobotFields) -> str:
 
 
 def _mjcf(robot: RobotFields) -> Element:
-    """Return a robot as the elements of MJCF."""
     root = Element("mujoco", model=robot.name)
     _sub(root, "compiler", angle="radian", autolimits="true", inertiafromgeom="false")
     _sub(root, "option", gravity="0 0 0")
@@ -142,7 +141,6 @@ def _add_link(root: Element, body: Element, speeds: Iterator[float], parent: str
 
 
 def _add_shape(collision: Element, geom: Element) -> None:
-    """Add a shape of MJCF to a collision element of a URDF."""
     size = _numbers(geom, "size")
     if geom.get("type") == "capsule":
         end, start = _numbers(geom, "fromto").reshape(2, 3)
@@ -172,7 +170,6 @@ def _joined(
 
 
 def _placed(frame: Array) -> dict[str, str]:
-    """Return a frame as attributes of MJCF."""
     return {"pos": _text(frame[:3, 3]), "quat": _text(quaternion_of(frame[:3, :3]))}
 
 

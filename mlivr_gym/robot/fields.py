@@ -198,7 +198,6 @@ class RobotFields:
         return tuple(map(self._completed, self._places))
 
     def _completed(self, mount: Mount) -> Mount:
-        """Return a mount with all that it has by default."""
         whole = self._with_shared(mount)
         assert whole.limb is not None
         base, name = whole.frame @ whole.limb.base_in_mount, arm_of(whole.limb)

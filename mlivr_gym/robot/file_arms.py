@@ -117,7 +117,6 @@ def _arm(file: Description, chain: list[int], name: str | None) -> FileArm:
 
 
 def _tool_named(file: Description, name: str) -> Tool:
-    """Return the link or site of a name."""
     model = file.model
     site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
     body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)

@@ -168,7 +168,6 @@ def _chain_of(
 
 
 def _limits(joint: JointData) -> tuple[float, float]:
-    """Return the limits of a joint's angle [rad]."""
     if joint.limits is None:
         raise RobotError(
             f"joint {joint.name!r} has no limits; give it a lower and an upper angle [rad], the "

@@ -91,7 +91,6 @@ def read_robot(path: str | Path, **options: Any) -> RobotFile:
 
 
 def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: bool) -> RobotFile:
-    """Read a robot by what a caller says and by the fields that a caller gives."""
     tree = read_tree(path)
     written, is_as_written = written_in(tree)
     if is_as_written and not is_told:
@@ -238,7 +237,6 @@ def _even(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | 
 
 
 def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
-    """Return the fields of a robot but for those of its build."""
     first, told = limbs[0], [f"the file of {file.name}", *file.notes]
     told += dict.fromkeys(note for limb in limbs for note in limb.notes)
     fitted = max(max(limb.excess.values(), default=0.0) for limb in limbs)

@@ -159,7 +159,6 @@ ROBOTS = (
 
 @cache
 def _shipped(name: str) -> RobotSpec:
-    """Return a robot that ships, by one of `ROBOTS`."""
     return EVEN.get(name) or RobotSpec.load(asset_path(f"{name}.json"))
 
 
