@@ -25,7 +25,7 @@ from mlivr_gym.pictures.map_views import FROM_ABOVE, FROM_THE_SIDE, View, fill_p
 from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot import LIMB_COLOURS
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances import StanceGraph
 
 OUT = ROOT / "docs" / "figures"

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from functools import cached_property
 from typing import (
@@ -27,6 +27,7 @@ from typing import (
     Generic,
     NamedTuple,
     Protocol,
+    TypeGuard,
     TypeVar,
     get_origin,
     get_type_hints,
@@ -369,9 +370,14 @@ def suggest(value: object, valid: Iterable[str]) -> str:
     return f"; did you mean {nearest[0]!r}?" if nearest else ""
 
 
+def is_list(value: object) -> TypeGuard[Sequence[Any]]:
+    """Return whether a value is a list, a tuple or an array with axes."""
+    return isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim > 0)
+
+
 def _list(value: object, place: FieldPath, least: int, most: int) -> Any:
     """Return a list, a tuple or an array with axes, if its length is valid."""
-    if not isinstance(value, (list, tuple)) and not (isinstance(value, np.ndarray) and value.ndim):
+    if not is_list(value):
         raise place.refused(value, "a list")
     if not least <= len(value) <= most:
         count = f"{least}" if least == most else f"{least} to {most}"

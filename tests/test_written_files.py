@@ -11,7 +11,6 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory_files import save_csv, save_npz, save_ros
 from mlivr_gym.pictures.figures import new_figure, save_figure, save_image
 from mlivr_gym.pictures.films import save_film
-from mlivr_gym.robot.export import as_mjcf, as_urdf
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -20,8 +19,8 @@ PICTURE = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(16, 16, 3)
 WRITERS = {
     "map.json": lambda path, given: given["map"].save(path),
     "robot.json": lambda path, given: robot_spec("mlivr2").save(path),
-    "robot.xml": lambda path, given: as_mjcf(robot_spec("mlivr2"), path),
-    "robot.urdf": lambda path, given: as_urdf(robot_spec("mlivr2"), path),
+    "robot.xml": lambda path, given: robot_spec("mlivr2").to_mjcf(path),
+    "robot.urdf": lambda path, given: robot_spec("mlivr2").to_urdf(path),
     "plan.json": lambda path, given: given["plan"].save(path),
     "walk.csv": lambda path, given: save_csv(given["trajectory"], path),
     "walk.npz": lambda path, given: save_npz(given["trajectory"], path),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Annotated, Any, NamedTuple
 
@@ -243,9 +244,18 @@ def _sorted_capsules(spec: RobotSpec, limb: int) -> list[Capsule]:
     return sorted(shapes, key=lambda capsule: LINKS.index(capsule.link))
 
 
+def folds_in_windows(limb: Limb, folds: Sequence[Sequence[float]]) -> Array:
+    """Return those of some folds, joints 1 to 5, that lie in a limb's windows, (k, 5) [rad]."""
+    low, high = limb.windows[:5].T
+    angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
+    angles = low + np.mod(angles - low, 2.0 * np.pi)
+    inside: Array = angles[(angles <= high).all(axis=1)]
+    return inside
+
+
 def _common_folds(spec: RobotSpec) -> Array:
     """Return the folds that lie in the windows of every limb, shape (k, 5) [rad]."""
-    folds = spec.every_limb[0].folds_in_windows(spec.folds)
+    folds = folds_in_windows(spec.every_limb[0], spec.folds)
     for limb in spec.every_limb[1:]:
         low, high = limb.windows[:5].T
         folds = folds[((folds >= low) & (folds <= high)).all(axis=1)]

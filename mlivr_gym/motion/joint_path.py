@@ -37,7 +37,7 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.specification import RobotSpec
 
 PHASES = ("departure", "swing", "approach")

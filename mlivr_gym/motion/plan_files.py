@@ -19,7 +19,7 @@ from mlivr_gym.motion.plan_parts import (
     Step,
     World,
 )
-from mlivr_gym.robot.limb import FARTHEST_TURN
+from mlivr_gym.robot.validators import FARTHEST_TURN
 from mlivr_gym.schema import (
     NAME,
     Anything,

@@ -17,12 +17,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.robot.colours import LIMB_COLOURS
+from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.limb_dynamics import arm_of
-from mlivr_gym.robot.model import known_dynamics, limb_links, rgba
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.robot.visuals import Visual
+from mlivr_gym.robot.visuals import LIMB_COLOURS, Visual, rgba
 
 STEP = 1e-4
 """Length of which the coordinates in the files are multiples [m]."""
@@ -148,18 +147,19 @@ def joint_rods(robot: RobotSpec, limb: int) -> Iterator[tuple[str, Array, Array]
     They are the origin of a joint and the closest position on the axes of the body's capsules; both
     links that the joint connects have one.
     """
-    links = {link.name: link for link in limb_links(robot, limb, known_dynamics(robot, limb))}
-    for link in links.values():
-        parent = links.get(link.parent)
-        if parent is None:
-            continue
-        for body, joint in ((parent, link.frame[:3, 3]), (link, np.zeros(3))):
-            ends = [np.linspace(shape.start, shape.end, AXIS_SAMPLES) for shape in body.capsules]
+    shapes, steps = robot.mounted[limb].capsules or (), robot.every_limb[limb].steps
+    for k, place in enumerate([*steps[:, :3, 3], np.zeros(3)]):
+        for link, joint in ((LINKS[k], place), (LINKS[k + 1], np.zeros(3))):
+            ends = [
+                np.linspace(shape.start, shape.end, AXIS_SAMPLES)
+                for shape in shapes
+                if shape.link == link
+            ]
             if ends:
                 axes = np.concatenate(ends)
                 nearest = axes[np.argmin(np.linalg.norm(axes - joint, axis=1))]
                 if np.linalg.norm(nearest - joint) > JOINT_RADIUS:
-                    yield body.name, joint, nearest
+                    yield body_of(limb, link), joint, nearest
 
 
 def body_of(limb: int, link: str) -> str:

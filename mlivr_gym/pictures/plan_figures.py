@@ -16,7 +16,8 @@ from mlivr_gym.pictures.figures import box_corners, save_figure
 from mlivr_gym.pictures.map_views import IN_SPACE, MapViews
 from mlivr_gym.pictures.robot_shapes import Part, pale, robot_parts
 from mlivr_gym.pictures.route import Route, base_paths, plan_base_path
-from mlivr_gym.robot.specification import LIMB_COLOURS, RobotSpec
+from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.schema import Integer, ListOf, Numbers, OrNone
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap

@@ -11,7 +11,7 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.scene_shapes import add_ball, add_capsule, rgba
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.world.grasp_map import GraspMap
 
 PATH_RADIUS, STANCE_RADIUS, FOOTHOLD_RADIUS = 0.015, 0.03, 0.032

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.pictures.figures import new_figure, save_figure
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure, Recording
 
 SHADES = {0: ("departure", "#c6d9ed"), 2: ("approach", "#f6dcba")}

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from mlivr_gym.robot.limb_dynamics import LimbDynamics
     from mlivr_gym.robot.rigid import RigidBody
     from mlivr_gym.robot.sizes import MOST_LIMBS
-    from mlivr_gym.robot.specification import LIMB_COLOURS, ROBOTS, RobotSpec, robot_spec
-    from mlivr_gym.robot.visuals import Visual
+    from mlivr_gym.robot.specification import ROBOTS, RobotSpec, robot_spec
+    from mlivr_gym.robot.visuals import LIMB_COLOURS, Visual
 
 __all__ = [
     "LIMB_COLOURS",

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError
-from mlivr_gym.schema import Choice, FieldPath, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
+from mlivr_gym.robot.sizes import MOST_CAPSULES
+from mlivr_gym.robot.validators import POSITION, POSITIVE
+from mlivr_gym.schema import Choice, FieldPath, ListOf, OrNone, Struct
+from mlivr_gym.values import MIN_SIZE, Triple
 
 LINKS = ("base", "shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3", "gripper")
 """Links of a limb in order from the body; the gripper is fixed to the last."""
@@ -25,11 +31,11 @@ class Capsule:
 
     link: Annotated[str, Choice(LINKS)]
     """One of `LINKS`; the gripper's frame is that of the flange, z towards the grasp."""
-    start: Annotated[Triple, END]
+    start: Annotated[Triple, POSITION]
     """One end of the axis in the link's frame, that of the manufacturer's description [m]."""
-    end: Annotated[Triple, END]
+    end: Annotated[Triple, POSITION]
     """The other end [m]."""
-    radius: Annotated[float, Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")]
+    radius: Annotated[float, POSITIVE]
     """Radius [m]."""
 
     def __post_init__(self) -> None:
@@ -45,18 +51,36 @@ class Capsule:
                 )
 
 
-END = Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")
-
 CAPSULE = Struct.of(Capsule)
 """Fields of a `Capsule`."""
 
 
-def check_moving(capsules: tuple[Capsule, ...] | None, place: FieldPath) -> None:
-    """Refuse collision shapes of a limb of which none moves.
+class MovingShapes(ListOf[Capsule]):
+    """Validator of the collision shapes of a limb, of which one must move."""
 
-    Raises an error of the type of `place` if none of the capsules is on a link that moves.
+    def read(self, value: object, place: FieldPath) -> tuple[Capsule, ...]:
+        """Return the capsules."""
+        capsules = super().read(value, place)
+        if all(shape.link == "base" for shape in capsules):
+            raise place.fault("has none on a link that moves; leave it out for those of the UR5e")
+        return capsules
+
+
+SHAPES = MovingShapes(CAPSULE, most=MOST_CAPSULES)
+"""Validator of the collision shapes of a limb."""
+
+GivenCapsules = Annotated[tuple[Capsule, ...] | None, OrNone(SHAPES)]
+"""Collision shapes of a limb, or None."""
+
+
+def placed(capsules: Iterable[Capsule], frames: Array) -> list[tuple[str, Array, float]]:
+    """Return link, ends (2, 3) and radius [m] of capsules where the links of their limb are.
+
+    Frames of base and links have shape (7, 4, 4).
     """
-    if capsules is not None and all(shape.link == "base" for shape in capsules):
-        raise place.field("capsules").fault(
-            "has none on a link that moves; leave it out for those of the UR5e"
-        )
+    out = []
+    for shape in capsules:
+        frame = frames[min(LINKS.index(shape.link), 6)]
+        ends = np.array([shape.start, shape.end]) @ frame[:3, :3].T + frame[:3, 3]
+        out.append((shape.link, ends, shape.radius))
+    return out

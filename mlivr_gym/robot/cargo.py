@@ -5,6 +5,7 @@ A limb that carries a bag holds no point: it stands folded and, with the bag, is
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -12,20 +13,29 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.limb import SIX_ANGLES
-from mlivr_gym.robot.limb_dynamics import MASSES, GivenInertia, check_inertia, gripper_link
-from mlivr_gym.robot.link_frames import link_frames, rigid
+from mlivr_gym.robot.capsules import LINKS, placed
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.limb_dynamics import gripper_link
 from mlivr_gym.robot.mounts import MOUNT, Mount
 from mlivr_gym.robot.rigid import RigidBody, box_inertia
-from mlivr_gym.robot.validators import SizeOrEdges
+from mlivr_gym.robot.validators import (
+    EDGES,
+    MASSES,
+    SIX_ANGLES,
+    GivenInertia,
+    GivenPosition,
+    edges_of,
+)
 from mlivr_gym.schema import FieldPath, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple, as_triple
+from mlivr_gym.values import Triple
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     R = TypeVar("R", bound=DataclassInstance)
+
+SWEPT, SAMPLES = 24, 9
+"""Number of angles of joint 1, and of points of an axis, at which cargo is checked."""
 
 
 @dataclass(frozen=True)
@@ -48,9 +58,8 @@ class LockedLimb:
     @property
     def frames(self) -> Array:
         """Frames of its base and its six links in the body frame, shape (7, 4, 4)."""
-        limb, frame = self.mount.limb, rigid(self.mount.rotation, self.mount.position)
-        assert limb is not None
-        return np.asarray(frame @ link_frames(limb, np.array(self.joints)))
+        assert self.mount.limb is not None
+        return np.asarray(self.mount.frame @ link_frames(self.mount.limb, np.array(self.joints)))
 
 
 @dataclass(frozen=True)
@@ -70,9 +79,9 @@ class Cargo:
 
     mass: Annotated[float, Tuples((), *MASSES, "kg")]
     """Mass [kg]."""
-    size: Annotated[float | Triple, SizeOrEdges()]
+    size: Annotated[float | Triple, EDGES]
     """Edge of a cube, or the three edges of the box along x, y and z [m]."""
-    centre: Annotated[Triple | None, OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"))] = None
+    centre: GivenPosition = None
     """Middle of the box, its centre of mass, in the body frame [m]; None for a box that lies on the
     middle of the face towards +z, away from the points that the robot holds. With `limb` in the
     frame of its flange; None for a box held at the middle of a face."""
@@ -85,15 +94,12 @@ class Cargo:
 
     def __post_init__(self) -> None:
         """Check every figure."""
-        place = FieldPath("cargo", RobotError)
-        CARGO.check(self, place)
-        if self.inertia is not None:
-            check_inertia(self.inertia, FieldPath("cargo.inertia", RobotError))
+        CARGO.check(self, FieldPath("cargo", RobotError))
 
     @property
     def edges(self) -> Array:
         """Edges along x, y and z [m], shape (3,)."""
-        return np.broadcast_to(np.asarray(self.size, dtype=np.float64), 3).copy()
+        return edges_of(self.size)
 
     @property
     def solid(self) -> RigidBody:
@@ -123,12 +129,7 @@ class Cargo:
         """Link, ends (2, 3) in the body frame and radius [m] of each capsule of the locked limb."""
         if self.limb is None:
             return []
-        frames, out = self.limb.frames, []
-        for shape in self.limb.mount.capsules or ():
-            frame = frames[min(LINKS.index(shape.link), 6)]
-            ends = np.array([shape.start, shape.end]) @ frame[:3, :3].T + frame[:3, 3]
-            out.append((shape.link, ends, shape.radius))
-        return out
+        return placed(self.limb.mount.capsules or (), self.limb.frames)
 
     def limb_solids(self, gripper_mass: float, tool_length: float) -> list[RigidBody]:
         """Return base, links and gripper of the locked limb in the body frame, for a gripper."""
@@ -136,14 +137,55 @@ class Cargo:
             return []
         frames, dynamics = self.limb.frames, self.limb.mount.dynamics
         assert dynamics is not None
-        links = [
-            RigidBody(mass, as_triple(np.array(centre)), inertia).moved(frame)
-            for mass, centre, inertia, frame in zip(
-                dynamics.masses, dynamics.centres, dynamics.inertias, frames[1:], strict=True
-            )
-        ]
-        gripper = gripper_link(gripper_mass, tool_length)
-        return [dynamics.base_link.moved(frames[0]), *links, gripper.moved(frames[6])]
+        gripper = gripper_link(gripper_mass, tool_length).moved(frames[6])
+        links = zip(dynamics.solids, frames, strict=True)
+        return [*(solid.moved(frame) for solid, frame in links), gripper]
+
+
+def check_room(cargo: Cargo, frame: Array, mounts: Sequence[Mount]) -> None:
+    """Refuse a box or a locked limb that meets bases of limbs or what their shoulders sweep.
+
+    The box has a frame (4, 4) in the body, mounts have all that they have by default. No check
+    of a posture compares these.
+    """
+    where = (
+        f"cargo of {' by '.join(f'{edge:g}' for edge in cargo.edges)} m with its centre at "
+        f"{frame[:3, 3].tolist()}"
+    )
+    held = [
+        (_samples(ends), radius)
+        for link, ends, radius in cargo.limb_capsules
+        if LINKS.index(link) >= LINKS.index("upper_arm")
+    ]
+    for i, mount in enumerate(mounts):
+        for link, axis, radius in _bases_and_shoulders(mount):
+            points = _samples(axis)
+            outside = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - 0.5 * cargo.edges
+            depths = [(radius - np.linalg.norm(outside.clip(0.0), axis=1).min(), where)]
+            for other, around in held:
+                gap = np.linalg.norm(points[:, None] - other, axis=2).min()
+                depths.append((radius + around - gap, "the locked limb"))
+            for depth, name in depths:
+                if depth > 0.0:
+                    raise RobotError(
+                        f"{name} overlaps the {link} of limb {i} by {depth:.3g} m, so that no "
+                        "posture can hold it; make the cargo smaller, or move it"
+                    )
+
+
+def _bases_and_shoulders(mount: Mount) -> Iterator[tuple[str, Array, float]]:
+    """Yield what only joint 1 moves, at angles of that, as `capsules.placed` has it."""
+    assert mount.limb is not None
+    low = [shape for shape in mount.capsules or () if shape.link in LINKS[:2]]
+    angles = np.zeros((SWEPT, 6))
+    angles[:, 0] = np.linspace(0.0, 2.0 * np.pi, SWEPT, endpoint=False)
+    for frames in mount.frame @ link_frames(mount.limb, angles):
+        yield from placed(low, frames)
+
+
+def _samples(axis: Array) -> Array:
+    """Return points of an axis (2, 3), shape (`SAMPLES`, 3)."""
+    return np.linspace(axis[0], axis[1], SAMPLES)
 
 
 def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:

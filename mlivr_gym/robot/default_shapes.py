@@ -7,7 +7,7 @@ import numpy as np
 from mlivr_gym.robot.capsules import LINKS, Capsule
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import arm_data, arm_of
-from mlivr_gym.values import MIN_SIZE, Triple, as_triple
+from mlivr_gym.values import MIN_SIZE, as_triple
 
 MEASURED = "ur5e"
 """The arm whose capsules were fitted to its shapes."""
@@ -45,9 +45,9 @@ def link_capsules(limb: Limb) -> tuple[Capsule, ...]:
     long enough for it ends where it is clear of the flange; shorter ones after it have none.
     """
     radius, here = THICKNESS * limb.arm_length, (0.0, 0.0, 0.0)
-    places = [as_triple(step[:3, 3]) for step in limb.steps]
+    places = limb.steps[:, :3, 3]
     sizes = [max(float(np.linalg.norm(place)), MIN_SIZE) for place in places]
-    x, y, z = places[0]
+    x, y, z = places[0].tolist()
     out = [Capsule("base", here, (x, y, 0.25 * z), radius)]
     apart, before = 2.0 * radius + GAP, np.inf
     fore = max((k for k in range(1, 5) if sizes[k] > apart), default=4)
@@ -55,7 +55,7 @@ def link_capsules(limb: Limb) -> tuple[Capsule, ...]:
         start = 0.0 if before > apart else apart
         stop = sizes[k] - apart if k == fore else sizes[k]
         if (sizes[k] > radius and start < stop) or LINKS[k] == "upper_arm":
-            first, last = (_share_of(min(at / sizes[k], 1.0), places[k]) for at in (start, stop))
+            first, last = (as_triple(min(at / sizes[k], 1.0) * places[k]) for at in (start, stop))
             out.append(Capsule(LINKS[k], first, last, radius))
         before = sizes[k]
     d6 = past_wrist(limb)
@@ -69,20 +69,3 @@ def past_wrist(limb: Limb) -> float:
     z, origin = limb.steps[5, :3, 2], limb.steps[5, :3, 3]
     across = np.array([z[0], z[1], 0.0])
     return float(origin @ across / (across @ across))
-
-
-def farthest_part(limb: Limb, capsules: tuple[Capsule, ...], tool_length: float) -> float:
-    """Return an upper bound of the distance of any part of a limb from its base [m]."""
-    # In the order of `LINKS`, of which the gripper is on the flange.
-    origins = (*limb.link_distances, limb.link_distances[-1])
-    farthest = limb.reach + tool_length
-    for capsule in capsules:
-        end = max(float(np.linalg.norm(end)) for end in (capsule.start, capsule.end))
-        farthest = max(farthest, origins[LINKS.index(capsule.link)] + end + capsule.radius)
-    return farthest
-
-
-def _share_of(share: float, place: Triple) -> Triple:
-    """Return a part of the way from the origin to a place."""
-    x, y, z = place
-    return share * x, share * y, share * z

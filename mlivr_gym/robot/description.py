@@ -9,7 +9,7 @@ are the `<numeric>` named `SPEED_LIMITS`.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,12 +18,12 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from mlivr_gym.arrays import Array
+from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.file_meshes import BodyMesh, Meshes
+from mlivr_gym.robot.file_meshes import FileMesh, name_apart, taken_out
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.limb import FARTHEST_TURN
-from mlivr_gym.robot.rigid import PAIRS
+from mlivr_gym.robot.rigid import PAIRS, inertia_matrix, rigid
+from mlivr_gym.robot.validators import FARTHEST_TURN
 
 SPEED_LIMITS = "speed_limits"
 """Name of the `<numeric>` of an MJCF file that holds the largest speed of each joint [rad/s]."""
@@ -53,68 +53,116 @@ class JointData(NamedTuple):
     speed: float | None
     """Largest speed [rad/s]."""
     rotor: float | None
-    """Inertia of the rotor, reflected through the gear [kg m^2]."""
+    """Reflected inertia of its rotor [kg m^2]."""
 
 
-class Description(NamedTuple):
-    """A file as MuJoCo reads it, with all joints at 0."""
+class Description:
+    """A URDF or MJCF file as MuJoCo reads it: a tree of bodies, with all joints at 0."""
 
-    name: str
-    """Name of the robot."""
-    model: Any
-    """The compiled `mujoco.MjModel`."""
-    data: Any
-    """Its `mujoco.MjData`."""
-    joints: dict[int, JointData]
-    """Data of each hinge by its number in the model."""
-    missing: tuple[tuple[int, str], ...]
-    """Bodies, and mesh files of their collision shapes that were not found or cannot be read."""
-    visuals: dict[int, tuple[BodyMesh, ...]]
-    """Meshes that show each body, by its number in the model."""
-    notes: tuple[str, ...]
-    """What was repaired, in words."""
+    def __init__(self, path: Path, tree: ElementTree.Element, options: FileOptions) -> None:
+        """Read a file by its elements, which are changed.
 
+        Packages of `package://` names are looked for in the folders above the file, too. Meshes of
+        collision shapes are read only if the caller gives no capsules. Raises a `RobotError` if the
+        file cannot be read, or holds a loop or a joint that is no hinge.
+        """
+        self.name = tree.get("name") or tree.get("model") or path.stem
+        try:
+            speeds, names = (_prepared(tree), name_apart(tree)) if tree.tag == "robot" else ({}, {})
+            spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
+            if tree.tag == "robot":
+                spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+            _check_joints(spec)
+            self.notes = _repaired_inertias(spec)
+            folders = [path.parent, *map(Path, options.package_dirs), *path.resolve().parents]
+            self.meshes = taken_out(spec, names, folders, options.capsules is None)
+            spec.compiler.fusestatic = False
+            spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
+            self.model = model = spec.compile()
+        except RobotError:
+            raise
+        except ValueError as error:
+            raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
+        self.data = data = mujoco.MjData(model)
+        hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE)
+        data.qpos[:] = model.qpos0
+        data.qpos[model.jnt_qposadr[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE]] = 0.0
+        mujoco.mj_kinematics(model, data)
+        self.joints = _joint_data(model, hinges.tolist(), speeds, options)
+        if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
+            endless = (-FARTHEST_TURN, FARTHEST_TURN)
+            for k, one in self.joints.items():
+                self.joints[k] = one._replace(limits=one.limits or endless)
+        joint = np.where(model.body_jntnum, model.body_jntadr, -1)
+        is_free = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE if model.njnt else False
+        self.moving: list[int] = np.flatnonzero((joint >= 0) & ~np.asarray(is_free)).tolist()
+        """Bodies that joints other than a free one move."""
+        self.moved = self.nearest(self.moving)
+        """For each body the one of these to which it is fixed, 0 for those of the robot's body."""
 
-def read_description(path: Path, tree: ElementTree.Element, options: FileOptions) -> Description:
-    """Read a file as URDF or as MJCF, by its elements, which are changed.
+    def nearest(self, some: Collection[int]) -> IntArray:
+        """Return for each body which of some is the nearest that carries it, or is it; else 0."""
+        found = np.zeros(self.model.nbody, dtype=np.int64)
+        for body in range(1, len(found)):
+            found[body] = body if body in some else found[self.parent(body)]
+        return found
 
-    Packages of `package://` names are looked for in the folders above the file, too. Meshes of
-    collision shapes are read only if the caller gives no capsules. Raises a `RobotError` if the
-    file cannot be read, or holds a loop or a joint that is no hinge.
-    """
-    found: dict[str, float] = {}
-    meshes = Meshes(path.parent, [*map(Path, options.package_dirs), *path.resolve().parents])
-    try:
-        if tree.tag == "robot":
-            found = _prepare_urdf(tree)
-            meshes.name_apart(tree)
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(tree, encoding="unicode"))
-        if tree.tag == "robot":
-            spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-        _check_joints(spec)
-        notes = _repaired_inertias(spec)
-        meshes.take_out(spec, options.capsules is None)
-        spec.compiler.fusestatic = False
-        spec.compiler.boundmass = spec.compiler.boundinertia = LEAST_MASS
-        model = spec.compile()
-    except RobotError:
-        raise
-    except ValueError as error:
-        raise RobotError(f"MuJoCo cannot read it: {' '.join(str(error).split())}") from None
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.0
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-        address = model.jnt_qposadr[joint]
-        data.qpos[address : address + 7] = model.qpos0[address : address + 7]
-    mujoco.mj_kinematics(model, data)
-    joints = _joint_data(model, found, (options.speed_limits, options.torque_limits))
-    if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
-        endless = (-FARTHEST_TURN, FARTHEST_TURN)
-        joints = {k: one._replace(limits=one.limits or endless) for k, one in joints.items()}
-    name = tree.get("name") or tree.get("model") or path.stem
-    return Description(
-        name, model, data, joints, meshes.missing(model), meshes.placed(model), tuple(notes),
-    )  # fmt: skip
+    def parent(self, body: int) -> int:
+        """Return the body that carries a body."""
+        return int(self.model.body_parentid[body])
+
+    def body_of(self, joint: int) -> int:
+        """Return the body that a joint moves."""
+        return int(self.model.jnt_bodyid[joint])
+
+    def carriers(self, body: int) -> list[int]:
+        """Return a body, the one that carries it, and so on up to the root, without the world."""
+        return [body, *self.carriers(self.parent(body))] if body else []
+
+    def path(self, body: int) -> list[int]:
+        """Return the moving bodies from the robot's body to a body, this one included."""
+        return [one for one in self.carriers(body)[::-1] if one in self.moving]
+
+    def after(self, body: int) -> list[int]:
+        """Return the bodies that joints on a moving body move, or on the robot's body, 0."""
+        return [one for one in self.moving if self.moved[self.parent(one)] == body]
+
+    def depth(self, body: int) -> int:
+        """Return the number of joints of the longest chain from a moving body on."""
+        return 1 + max(map(self.depth, self.after(body)), default=0)
+
+    def is_hinge(self, body: int) -> bool:
+        """Return whether one revolute joint moves a body."""
+        return self.model.body_jntnum[body] == 1 and self.model.body_jntadr[body] in self.joints
+
+    def solid_geoms(self, body: int) -> list[int]:
+        """Return the collision shapes of a body."""
+        solid = (self.model.geom_contype != 0) | (self.model.geom_conaffinity != 0)
+        shapes: list[int] = np.flatnonzero(solid & (self.model.geom_bodyid == body)).tolist()
+        return shapes
+
+    def name_of(self, body: int) -> str:
+        """Return the name of a body."""
+        return str(self.model.body(body).name) or f"body {body}"
+
+    def frame(self, body: int) -> Array:
+        """Return the frame of a body in the world, shape (4, 4)."""
+        return rigid(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
+
+    def lines(self, joints: Sequence[int]) -> tuple[Array, Array]:
+        """Return axes of joints and a point on each in the world, both of shape (n, 3)."""
+        return self.data.xaxis[list(joints)], self.data.xanchor[list(joints)]
+
+    def meshes_of(self, body: int) -> list[FileMesh]:
+        """Return the meshes that show a body.
+
+        Where none of those that are only seen can be read, those of its collision shapes stand for
+        them.
+        """
+        every = [one for one in self.meshes if self.model.geom_bodyid[one.geom.id] == body]
+        seen = [one for one in every if not one.is_solid]
+        solid = [one for one in every if one.is_solid and one.is_read]
+        return seen if any(one.is_read for one in seen) else solid or seen
 
 
 def written_in(tree: ElementTree.Element) -> tuple[dict[str, Any], bool]:
@@ -145,17 +193,25 @@ def digest_of(tree: ElementTree.Element) -> str:
     return sha256(ElementTree.canonicalize(text, strip_text=True).encode()).hexdigest()
 
 
-def _prepare_urdf(tree: ElementTree.Element) -> dict[str, float]:
+def each(name: str, given: Any, count: int, things: str) -> Sequence[Any]:
+    """Return what is given for each of some things of the file, once for all or in a list."""
+    listed = given if isinstance(given, tuple) else (given,)
+    if len(listed) not in (1, count):
+        raise RobotError(f"{name} has {len(listed)} entries; the file has {count} {things}")
+    return listed * (count if len(listed) == 1 else 1)
+
+
+def _prepared(tree: ElementTree.Element) -> dict[str, float]:
     """Make a URDF readable for MuJoCo; return the speed limits by joint [rad/s]."""
-    children = [joint.find("child") for joint in tree.iter("joint")]
-    names = [child.get("link", "") for child in children if child is not None]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise RobotError(
-            f"link {twice!r} is the child of {names.count(twice)} joints; the links must form a "
-            "tree, without a loop"
-        )
-    roots = [name for link in tree.findall("link") if (name := link.get("name", "")) not in names]
+    children = [child.get("link", "") for child in tree.findall("joint/child")]
+    for name in children:
+        if children.count(name) > 1:
+            raise RobotError(
+                f"link {name!r} is the child of {children.count(name)} joints; the links must form "
+                "a tree, without a loop"
+            )
+    names = [link.get("name", "") for link in tree.findall("link")]
+    roots = [name for name in names if name not in children]
     if len(roots) > 1:
         raise RobotError(
             f"links {roots[0]!r} and {roots[1]!r} hang on no joint; the links must form one tree: "
@@ -169,8 +225,13 @@ def _prepare_urdf(tree: ElementTree.Element) -> dict[str, float]:
             limit = limit if limit is not None else ElementTree.SubElement(joint, "limit")
             limit.set("lower", f"{-FARTHEST_TURN}")
             limit.set("upper", f"{FARTHEST_TURN}")
-        if limit is not None and limit.get("velocity"):
-            speeds[joint.get("name", "")] = _number(limit.get("velocity", ""), joint)
+        speed = "" if limit is None else limit.get("velocity", "")
+        try:
+            speeds[joint.get("name", "")] = float(speed or 0.0)
+        except ValueError:
+            raise RobotError(
+                f"joint {joint.get('name')!r} has the speed limit {speed!r}; it must be a number"
+            ) from None
     options = {"strippath": "false", "discardvisual": "false", "fusestatic": "false"}
     for other in tree.findall("mujoco"):
         for compiler in other.findall("compiler"):
@@ -178,15 +239,6 @@ def _prepare_urdf(tree: ElementTree.Element) -> dict[str, float]:
         tree.remove(other)
     ElementTree.SubElement(ElementTree.SubElement(tree, "mujoco"), "compiler", options)
     return speeds
-
-
-def _number(text: str, joint: ElementTree.Element) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        raise RobotError(
-            f"joint {joint.get('name')!r} has the speed limit {text!r}; it must be a number"
-        ) from None
 
 
 def _check_joints(spec: Any) -> None:
@@ -198,18 +250,16 @@ def _check_joints(spec: Any) -> None:
                 "the mass [kg] and the inertia [kg m^2]"
             )
     for joint in spec.joints:
-        carrier = joint.parent.parent
-        if joint.type == mujoco.mjtJoint.mjJNT_FREE and carrier.name != "world":
+        if joint.type == mujoco.mjtJoint.mjJNT_FREE and joint.parent.parent.name != "world":
             raise RobotError(
                 f"joint {joint.name!r} is floating; only the whole robot may float, all other "
                 "joints must be revolute or fixed"
             )
     for k, equality in enumerate(spec.equalities):
-        name = equality.name or f"number {k}"
         if equality.type in (mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_WELD):
             raise RobotError(
-                f"the equality {name!r} joins {equality.name1!r} and {equality.name2!r}, which "
-                "closes a loop; the links must form a tree"
+                f"the equality {equality.name or f'number {k}'!r} joins {equality.name1!r} and "
+                f"{equality.name2!r}, which closes a loop; the links must form a tree"
             )
 
 
@@ -219,10 +269,12 @@ def _repaired_inertias(spec: Any) -> list[str]:
     No body has a larger one, but figures are often rounded so. It is changed by a share of
     `MOST_REPAIR` at most; what is further off is left to `balanceinertia`, if the file asks for it.
     """
-    names, most = [], 0.0
+    shares = {}
     for body in spec.bodies:
-        matrix = _inertia_of(body)
-        moments, axes = np.linalg.eigh(matrix)
+        is_full = not np.isnan(body.fullinertia[0])
+        moments, axes = np.linalg.eigh(
+            inertia_matrix(body.fullinertia) if is_full else np.diag(body.inertia)
+        )
         least, largest = float(moments[0] + moments[1]), float(moments[2])
         if largest <= least or not body.mass:
             continue
@@ -238,93 +290,51 @@ def _repaired_inertias(spec: Any) -> list[str]:
             whole = axes @ np.diag(moments) @ axes.T
             body.fullinertia = [float(whole[pair]) for pair in PAIRS]
         if share > 1e-9:
-            names.append(body.name)
-            most = max(most, share)
-    if not names:
-        return []
+            shares[body.name] = share
     return [
-        f"inertia of {', '.join(names)} repaired: the largest principal moment exceeded the sum of "
-        f"the others by {100.0 * most:.2g} % at most"
-    ]
-
-
-def _inertia_of(body: Any) -> Array:
-    """Return the inertia of a body of a `mujoco.MjSpec` as a matrix, shape (3, 3)."""
-    if np.isnan(body.fullinertia[0]):
-        return np.asarray(np.diag(body.inertia))
-    matrix = np.zeros((3, 3))
-    for (row, column), value in zip(PAIRS, body.fullinertia, strict=True):
-        matrix[row, column] = matrix[column, row] = value
-    return matrix
+        f"inertia of {', '.join(shares)} repaired: the largest principal moment exceeded the sum "
+        f"of the others by {100.0 * max(shares.values()):.2g} % at most"
+    ] if shares else []  # fmt: skip
 
 
 def _joint_data(
-    model: Any,
-    found: dict[str, float],
-    limits: tuple[float | Sequence[float] | None, float | Sequence[float] | None],
+    model: Any, hinges: list[int], speeds: dict[str, float], options: FileOptions
 ) -> dict[int, JointData]:
-    """Return the data of the hinges.
-
-    `found` are the speed limits of a URDF by joint, `limits` the speeds and torques that a caller
-    gives in their place.
-    """
-    hinges = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_HINGE).tolist()
+    given, out = options.speed_limits, {}
     number = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, SPEED_LIMITS)
-    speeds, torques = limits
-    if speeds is None and number >= 0:
+    if given is None and number >= 0:
         start = int(model.numeric_adr[number])
-        speeds = model.numeric_data[start : start + int(model.numeric_size[number])].tolist()
-    given = _each(SPEED_LIMITS, speeds, len(hinges))
-    strong = _each("torque_limits", torques, len(hinges))
-    out = {}
-    for k, joint in enumerate(hinges):
-        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, joint) or f"joint {joint}"
+        given = tuple(model.numeric_data[start : start + model.numeric_size[number]].tolist())
+    fast = each(SPEED_LIMITS, given, len(hinges), "joints")
+    strong = each("torque_limits", options.torque_limits, len(hinges), "joints")
+    for joint, speed, torque in zip(hinges, fast, strong, strict=True):
+        name = model.joint(joint).name or f"joint {joint}"
         low, high = model.jnt_range[joint].tolist()
-        limited = bool(model.jnt_limited[joint]) and high > low
         if high < low:
             raise RobotError(
                 f"joint {name!r} has the limits {low:g} and {high:g} rad; the lower one comes first"
             )
-        address = int(model.jnt_dofadr[joint])
         out[joint] = JointData(
             name,
-            (low, high) if limited else None,
-            _torque(model, joint) if strong is None else strong[k],
-            (found.get(name) if given is None else given[k]) or None,
-            float(model.dof_armature[address]) or None,
+            (low, high) if model.jnt_limited[joint] and high > low else None,
+            torque or _torque(model, joint) or None,
+            speed or speeds.get(name) or None,
+            float(model.dof_armature[model.jnt_dofadr[joint]]) or None,
         )
     return out
 
 
-def _each(name: str, limits: float | Sequence[float] | None, count: int) -> list[float] | None:
-    """Return limits that were given joint by joint, None if none were."""
-    if limits is None:
-        return None
-    listed = [float(limit) for limit in np.ravel(np.asarray(limits, dtype=np.float64))]
-    if len(listed) == 1:
-        return listed * count
-    if len(listed) != count:
-        raise RobotError(
-            f"{name} has {len(listed)} entries; it must have 1, or {count}, one for each "
-            "joint of the file"
-        )
-    return listed
-
-
-def _torque(model: Any, joint: int) -> float | None:
-    """Return the largest torque of a joint [N m], of the joint or of its actuator."""
+def _torque(model: Any, joint: int) -> float:
+    """Return the largest torque of a joint [N m], its own or that of its actuator; 0 if none."""
     if model.jnt_actfrclimited[joint]:
-        return float(np.abs(model.jnt_actfrcrange[joint]).min()) or None
-    for k in range(model.nu):
-        if model.actuator_trntype[k] != mujoco.mjtTrn.mjTRN_JOINT:
-            continue
-        if model.actuator_trnid[k, 0] != joint:
-            continue
+        return float(np.abs(model.jnt_actfrcrange[joint]).min())
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT
+    for k in np.flatnonzero(on_joint & (model.actuator_trnid[:, 0] == joint)):
         gear = abs(float(model.actuator_gear[k, 0]))
         if model.actuator_forcelimited[k]:
-            return float(np.abs(model.actuator_forcerange[k]).min()) * gear or None
+            return float(np.abs(model.actuator_forcerange[k]).min()) * gear
         is_motor = model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE
         if is_motor and model.actuator_ctrllimited[k]:
             gain = abs(float(model.actuator_gainprm[k, 0]))
-            return float(np.abs(model.actuator_ctrlrange[k]).min()) * gear * gain or None
-    return None
+            return float(np.abs(model.actuator_ctrlrange[k]).min()) * gear * gain
+    return 0.0

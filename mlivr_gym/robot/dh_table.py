@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.link_frames import quaternion_of, rigid
+from mlivr_gym.robot.rigid import quaternion_of, rigid
 from mlivr_gym.values import MIN_SIZE, Triple, as_triple
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple
+from dataclasses import astuple, is_dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,14 +12,15 @@ from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import closed_form
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.default_shapes import default_capsules
-from mlivr_gym.robot.description import LEAST_MASS
-from mlivr_gym.robot.file_arms import FileArm, Tree
+from mlivr_gym.robot.description import LEAST_MASS, Description, JointData
+from mlivr_gym.robot.file_arms import FileArm
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.file_parts import LimbParts, foot, frame_on, joined, mount_of, tilt_of
+from mlivr_gym.robot.file_parts import LimbParts, frame_on, joined, mount_of
 from mlivr_gym.robot.file_shapes import fitted_capsules
-from mlivr_gym.robot.limb import FARTHEST_TURN, Limb
+from mlivr_gym.robot.limb import Limb, link_frames
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
-from mlivr_gym.robot.link_frames import inverse, quaternion_of, rigid, turn_about_z
+from mlivr_gym.robot.rigid import foot, inverse, quaternion_of, rigid, turn_about_z
+from mlivr_gym.robot.validators import FARTHEST_TURN
 from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 from mlivr_gym.values import MAX_ROBOT_LENGTH, as_triple
 
@@ -61,28 +62,34 @@ class FileLimb(NamedTuple):
 
     def is_like(self, other: FileLimb) -> bool:
         """Return whether another limb has the same figures, to the last rounded digit."""
-        return _alike(self._figures, other._figures)
+        mine, theirs = (
+            _flat((one.limb, one.capsules, one.dynamics, one.gripper_mass)) for one in (self, other)
+        )
+        return len(mine) == len(theirs) and all(
+            a == b
+            or (isinstance(a, float) and isinstance(b, float) and np.isclose(a, b, atol=1e-6))
+            for a, b in zip(mine, theirs, strict=True)
+        )
 
-    @property
-    def _figures(self) -> tuple[Any, ...]:
-        """What limbs that are like each other have in common, in nested tuples."""
-        shapes = tuple(map(astuple, self.capsules))
-        dynamics = None if self.dynamics is None else astuple(self.dynamics)
-        return (astuple(self.limb), shapes, dynamics, self.gripper_mass)
+
+def _flat(value: Any) -> list[Any]:
+    """Return the numbers and words in records and nested tuples."""
+    value = astuple(value) if is_dataclass(value) and not isinstance(value, type) else value
+    return [x for part in value for x in _flat(part)] if isinstance(value, tuple) else [value]
 
 
 def limb_of(
-    tree: Tree, parts: LimbParts, options: FileOptions, length: float, up: Array | None
+    file: Description, parts: LimbParts, options: FileOptions, length: float, up: Array | None
 ) -> FileLimb:
     """Return a limb of a file, whose flange is made to lie at a distance from the grasp [m].
 
     The x axis of its mount is as a direction `up`, or if none is given as that of the link that
     carries it. Raises a `RobotError` if the joints are those of no limb.
     """
-    file, arm, notes = tree.file, parts.arm, list[str]()
+    arm, notes = parts.arm, [parts.tilt] if parts.tilt else []
     flange = parts.grasp @ rigid(np.eye(3), (0.0, 0.0, -length))
-    limb, mount = _chain_of(tree, arm, flange, up)
-    frames = mount @ limb.base_in_mount @ limb.frames_at_zero
+    limb, mount = _chain_of(file, arm, flange, up)
+    frames = mount @ limb.base_in_mount @ link_frames(limb, np.zeros(6))
     if arm.held is not None:
         name = file.joints[arm.joints[arm.held]].name
         notes.append(f"joint {name} held at {arm.angle:g} rad")
@@ -90,149 +97,127 @@ def limb_of(
         notes.append("of no closed form, solved numerically")
     if not parts.gripper:
         notes.append(f"a gripper of {parts.tool_length:g} m and {GRIPPER_MASS:g} kg added")
+    excess: dict[str, float] = {}
     if options.capsules is None:
-        capsules, excess = fitted_capsules(tree, parts.on(frames), length, bool(parts.gripper))
+        capsules, excess = fitted_capsules(file, parts.on(frames), length, bool(parts.gripper))
     elif isinstance(options.capsules, str):
-        capsules, excess = default_capsules(limb, length), {}
+        capsules = default_capsules(limb, length)
         notes.append("collision shapes are not the file's but along the links")
     else:
-        capsules, excess = options.capsules, {}
+        capsules = options.capsules
     seen = tuple(
-        mesh.seen_from(link, inverse(frame) @ tree.frame(body))
+        mesh.seen_from(link, inverse(frame) @ file.frame(body), file.model)
         for link, members, frame in parts.on(frames)
         for body in members
-        for mesh in file.visuals.get(body, ())
+        for mesh in file.meshes_of(body)
     )
-    dynamics = _dynamics(tree, parts, options, frames, notes)
+    dynamics = _dynamics(file, parts, options, frames, notes)
     return FileLimb(
         limb, tuple(file.joints[joint].name for joint in arm.moving), mount, capsules, excess,
-        dynamics, 0.0 if parts.gripper else GRIPPER_MASS, seen[:MOST_VISUALS],
-        (*filter(None, [tilt_of(tree, parts)]), *notes),
+        dynamics, 0.0 if parts.gripper else GRIPPER_MASS, seen[:MOST_VISUALS], tuple(notes),
     )  # fmt: skip
 
 
-def _chain_of(tree: Tree, arm: FileArm, flange: Array, up: Array | None) -> tuple[Limb, Array]:
+def _chain_of(
+    file: Description, arm: FileArm, flange: Array, up: Array | None
+) -> tuple[Limb, Array]:
     """Return the chain of an arm and its mount in the world, by its flange there, (4, 4).
 
     The frame of a link has its origin where the joint's axis is closest to that of the
     link before, and its x axis as the file has it.
     """
-    data, joints = tree.file.data, list(arm.joints)
-    moved = [int(tree.model.jnt_bodyid[joint]) for joint in joints]
-    axes, anchors = data.xaxis[joints].copy(), data.xanchor[joints].copy()
-    _check_size(tree, arm, np.vstack([anchors, flange[None, :3, 3]]))
-    mount, senses = mount_of(tree, arm, up), np.ones(len(joints))
+    axes, anchors = file.lines(arm.joints)
+    data = [file.joints[joint] for joint in arm.joints]
+    length = float(np.linalg.norm(np.diff([*anchors, flange[:3, 3]], axis=0), axis=1).sum())
+    if length > MAX_ROBOT_LENGTH:
+        raise RobotError(
+            f"the limb of joints {data[0].name!r} to {data[-1].name!r} is {length:.4g} m long; it "
+            f"must be at most {MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in "
+            "millimetres?"
+        )
+    mount, senses = mount_of(file, arm, up), np.ones(len(data))
     senses[0], senses[-1] = np.sign([mount[:3, 2] @ axes[0], flange[:3, 2] @ axes[-1]])
-    along = senses[:, None] * axes
-    frames = [mount]
-    for k, body in enumerate(moved[:-1]):
-        place = foot(axes, anchors, 1, 0) if k == 1 else frames[-1][:3, 3]
-        place = anchors[0] if k == 0 else place
-        frames.append(frame_on(tree.frame(body), along[k], anchors[k], place))
+    along, frames = senses[:, None] * axes, [mount]
+    for k, joint in enumerate(arm.joints[:-1]):
+        place = (anchors[0], foot(axes, anchors, 1, 0))[k] if k < 2 else frames[-1][:3, 3]
+        frames.append(frame_on(file.frame(file.body_of(joint)), along[k], anchors[k], place))
     frames.append(flange)
-    at_zero = list(frames)
+    at_zero, held = list(frames), dict[str, Any]()
     if arm.held is not None:
+        number = arm.held + 1
         # The file holds the joint at its angle.
-        at_zero[arm.held + 1] = frames[arm.held + 1] @ turn_about_z(-senses[arm.held] * arm.angle)
-    steps = [inverse(frames[k]) @ at_zero[k + 1] for k in range(len(joints))]
-    for step in steps:
-        step[np.abs(step) < SAME] = 0.0
-    held: dict[str, Any] = (
-        {} if arm.held is None else {"held_joint": arm.held + 1, "held_angle": arm.angle}
-    )
+        at_zero[number] = frames[number] @ turn_about_z(-senses[arm.held] * arm.angle)
+        held = {"held_joint": number, "held_angle": arm.angle}
+    steps = np.array([inverse(frames[k]) @ at_zero[k + 1] for k in range(len(data))])
+    steps[np.abs(steps) < SAME] = 0.0
     try:
         limb = Limb(
             tuple(as_triple(step[:3, 3]) for step in steps),
-            tuple(map(tuple, quaternion_of(np.array(steps)[:, :3, :3]).tolist())),
-            tuple(_limits(tree, joint) for joint in joints),
+            tuple(map(tuple, quaternion_of(steps[:, :3, :3]).tolist())),
+            tuple(map(_limits, data)),
             None if (senses > 0.0).all() else tuple(senses.tolist()), **held,
         )  # fmt: skip
     except RobotError as fault:
         if arm.held is None:
             raise
         raise RobotError(
-            f"joint {tree.file.joints[joints[arm.held]].name!r} cannot be held at {arm.angle:g} "
-            f"rad, give another held_angle or held_joint: {fault}"
+            f"joint {data[arm.held].name!r} cannot be held at {arm.angle:g} rad, give another "
+            f"held_angle or held_joint: {fault}"
         ) from None
     return limb, mount
 
 
-def _limits(tree: Tree, joint: int) -> tuple[float, float]:
-    """Return the limits of a joint's angle [rad]."""
-    name, limits, *_ = tree.file.joints[joint]
-    if limits is None:
+def _limits(joint: JointData) -> tuple[float, float]:
+    if joint.limits is None:
         raise RobotError(
-            f"joint {name!r} has no limits; give it a lower and an upper angle [rad], the lower "
-            "one first"
+            f"joint {joint.name!r} has no limits; give it a lower and an upper angle [rad], the "
+            "lower one first"
         )
-    low, high = limits
+    low, high = joint.limits
     if FARTHEST_TURN < max(abs(low), abs(high)) < ENDLESS:
         raise RobotError(
-            f"joint {name!r} has limits from {low:g} to {high:g} rad; angles are in radians, at "
-            f"most {FARTHEST_TURN:g}: are these degrees?"
+            f"joint {joint.name!r} has limits from {low:g} to {high:g} rad; angles are in radians, "
+            f"at most {FARTHEST_TURN:g}: are these degrees?"
         )
     return max(low, -FARTHEST_TURN), min(high, FARTHEST_TURN)
 
 
-def _check_size(tree: Tree, arm: FileArm, points: Array) -> None:
-    """Refuse an arm longer than any robot, which is probably given in millimetres."""
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    if length > MAX_ROBOT_LENGTH:
-        first, last = (tree.file.joints[arm.joints[k]].name for k in (0, -1))
-        raise RobotError(
-            f"the limb of joints {first!r} to {last!r} is {length:.4g} m long; it must be at most "
-            f"{MAX_ROBOT_LENGTH:g} m: lengths are in metres, is the file in millimetres?"
-        )
-
-
 def _dynamics(
-    tree: Tree, parts: LimbParts, options: FileOptions, frames: Array, notes: list[str]
+    file: Description, parts: LimbParts, options: FileOptions, frames: Array, notes: list[str]
 ) -> LimbDynamics | None:
     """Return masses, inertias and limits of a limb, None if the file does not have them all.
 
     What is missing is added to the notes, and what is assumed.
     """
-    file, joints = tree.file, [tree.file.joints[joint] for joint in parts.arm.moving]
-    masses = [joined(tree, members, frame) for _, members, frame in parts.on(frames)][:6]
-    masses.append(joined(tree, (*parts.links[5], *parts.gripper), frames[6]))
-    bare = [
-        tree.name(int(file.model.jnt_bodyid[joint]))
-        for joint, part in zip(parts.arm.moving, masses[1:], strict=True)
-        if part.mass <= 0.0 or part.principal_moments[0] <= 2.0 * LEAST_MASS
-    ]
-    missing = [
-        (f"mass or inertia of link {', '.join(bare)}", bare),
-        ("torque limit of joint " + ", ".join(one.name for one in joints if not one.torque),
-         [one for one in joints if not one.torque]),
-        ("speed limit of joint " + ", ".join(one.name for one in joints if not one.speed),
-         [one for one in joints if not one.speed]),
-    ]  # fmt: skip
-    if any(found for _, found in missing):
-        told = "; ".join(text for text, found in missing if found)
-        notes.append(f"not to be simulated, the file lacks {told}")
+    joints = [file.joints[joint] for joint in parts.arm.moving]
+    base, *links = [joined(file, members, frame) for _, members, frame in parts.on(frames)][:6]
+    links.append(joined(file, (*parts.links[5], *parts.gripper), frames[6]))
+    missing = {
+        "mass or inertia of link": [
+            file.name_of(file.body_of(joint))
+            for joint, link in zip(parts.arm.moving, links, strict=True)
+            if link.mass <= 0.0 or link.principal_moments[0] <= 2.0 * LEAST_MASS
+        ],
+        "torque limit of joint": [one.name for one in joints if not one.torque],
+        "speed limit of joint": [one.name for one in joints if not one.speed],
+    }
+    told = [f"{what} {', '.join(names)}" for what, names in missing.items() if names]
+    if told:
+        notes.append(f"not to be simulated, the file lacks {'; '.join(told)}")
         return None
-    rotors = [one.rotor if options.rotor_inertia is None else options.rotor_inertia
-              for one in joints]  # fmt: skip
+    given = options.rotor_inertia
+    rotors = [one.rotor if given is None else given for one in joints]
     if None in rotors:
         notes.append(f"rotor inertias of {ROTOR_INERTIA:g} kg m^2 assumed")
-    base = masses[0]
+    masses, centres, inertias = zip(*links, strict=True)
     return LimbDynamics(
         base.mass,
-        tuple(part.mass for part in masses[1:]),
-        tuple(part.centre for part in masses[1:]),
-        tuple(part.inertia for part in masses[1:]),
+        masses,
+        centres,
+        inertias,
         tuple(float(one.torque or 0.0) for one in joints),
         tuple(float(one.speed or 0.0) for one in joints),
         tuple(ROTOR_INERTIA if rotor is None else rotor for rotor in rotors),
         base.centre if base.mass else None,
         base.inertia if base.mass else None,
     )
-
-
-def _alike(one: object, other: object) -> bool:
-    """Return whether nested tuples are equal but for rounding of their numbers."""
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(map(_alike, one, other))
-    if isinstance(one, float) and isinstance(other, float):
-        return bool(np.isclose(one, other, atol=1e-6))
-    return one == other

@@ -4,23 +4,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from mlivr_gym.arguments import FileName, Reader
-from mlivr_gym.robot.capsules import CAPSULE, Capsule
-from mlivr_gym.robot.sizes import MOST_CAPSULES, MOST_LIMBS
-from mlivr_gym.robot.validators import OneOrEach, SizeOrEdges
-from mlivr_gym.schema import NAME, Choice, FieldPath, Integer, ListOf, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
-
-LENGTH = OrNone(Tuples((), 0.0, MAX_ROBOT_LENGTH, "m"))
-"""Validator of a length [m] that may be None."""
+from mlivr_gym.robot.capsules import SHAPES, Capsule
+from mlivr_gym.robot.sizes import MOST_LIMBS
+from mlivr_gym.robot.validators import EDGES, LENGTH, OneOrList
+from mlivr_gym.schema import (
+    NAME,
+    Choice,
+    FieldPath,
+    Integer,
+    ListOf,
+    OrNone,
+    Struct,
+    Tuples,
+    Validator,
+)
+from mlivr_gym.values import Triple
 
 
 def _capsules(value: object, place: FieldPath) -> tuple[Capsule, ...] | str:
-    if isinstance(value, str):
-        return Choice(("ur5e",)).read(value, place)
-    return ListOf(CAPSULE, most=MOST_CAPSULES).read(value, place)
+    simple = Choice(("ur5e",))
+    return (simple if isinstance(value, str) else SHAPES).read(value, place)
+
+
+def _each(kind: Validator[Any]) -> OneOrList:
+    """Return the validator of one value for all, or of a list with one for each."""
+    return OneOrList(kind, ListOf(kind))
 
 
 @dataclass(frozen=True)
@@ -36,16 +47,16 @@ class FileOptions:
     tips: Annotated[tuple[str, ...] | None, OrNone(ListOf(NAME, 1))] = None
     """For each limb the name of its last link, or of a site on it; None for every chain of joints
     that begins at the body."""
-    tool_frame: Annotated[tuple[str, ...] | None, OrNone(OneOrEach(NAME))] = None
+    tool_frame: Annotated[str | tuple[str, ...] | None, OrNone(_each(NAME))] = None
     """Name of the link or site at which a limb grasps, or a list; None for a customary name such as
     `tool0`, or the last link."""
-    tool_length: Annotated[float | None, LENGTH] = None
+    tool_length: Annotated[float | None, OrNone(LENGTH)] = None
     """Length of a gripper that is added at the tool frame [m]; None for the gripper of the file,
     or, if it has none, for the default gripper of 0.05 m."""
-    mount_radius: Annotated[float | None, LENGTH] = None
+    mount_radius: Annotated[float | None, OrNone(LENGTH)] = None
     """Distance of an arm's base from the body's z axis [m], if the file is one arm; by default half
     the body's longest edge, and more if its upper arm could not turn there."""
-    body_size: Annotated[float | Triple | None, OrNone(SizeOrEdges())] = None
+    body_size: Annotated[float | Triple | None, OrNone(EDGES)] = None
     """Edge of the body, or its three edges [m]; None for 0.2 m, or for the box round the shapes of
     a whole robot's body."""
     up: Annotated[Triple | None, OrNone(Tuples((3,)))] = None
@@ -54,23 +65,23 @@ class FileOptions:
     the body's z axis, the body's x axis is the link's z axis or as close to that as can be, and the
     body's middle is that of the second joints."""
     speed_limits: Annotated[
-        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e3, "rad/s")))
+        float | tuple[float, ...] | None, OrNone(_each(Tuples((), 1e-3, 1e3, "rad/s")))
     ] = None
     """Largest speed of every joint, or a list [rad/s]. MJCF has no field for them but a `<numeric>`
     of this name."""
     torque_limits: Annotated[
-        tuple[float, ...] | None, OrNone(OneOrEach(Tuples((), 1e-3, 1e6, "N m")))
+        float | tuple[float, ...] | None, OrNone(_each(Tuples((), 1e-3, 1e6, "N m")))
     ] = None
     """Largest torque of every joint, or a list [N m]."""
     rotor_inertia: Annotated[float | None, OrNone(Tuples((), 0.0, 1e3, "kg m^2"))] = None
     """Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
     the file, or `ROTOR_INERTIA` where it has none."""
-    held_joint: Annotated[tuple[str | None, ...] | None, OrNone(OneOrEach(OrNone(NAME)))] = None
+    held_joint: Annotated[str | tuple[str | None, ...] | None, OrNone(_each(OrNone(NAME)))] = None
     """Name of the joint that does not move in an arm of seven, or a list; None for the third joint,
     and for a limb of six joints."""
-    held_angle: Annotated[tuple[float | None, ...] | None, OrNone(OneOrEach(OrNone(Tuples())))] = (
-        None
-    )
+    held_angle: Annotated[
+        float | tuple[float | None, ...] | None, OrNone(_each(OrNone(Tuples())))
+    ] = None
     """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
     capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
     """Collision shapes of a limb in its link frames; None for capsules fitted to the collision

@@ -7,26 +7,31 @@ shapes come from the file; whatever it does not say is named in `RobotSpec.sourc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
-from mlivr_gym.robot.derived import usual_joints
-from mlivr_gym.robot.description import Description, read_description, written_in
-from mlivr_gym.robot.file_arms import Tree, arms_of, with_held_joints
+from mlivr_gym.robot.description import Description, written_in
+from mlivr_gym.robot.file_arms import arms_of
 from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
-from mlivr_gym.robot.file_parts import LimbParts, body_parts, frame_on, joined, limb_parts, mount_of
+from mlivr_gym.robot.file_parts import (
+    LimbParts,
+    body_and_bases,
+    frame_on,
+    joined,
+    limb_parts,
+    mount_of,
+)
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
-from mlivr_gym.robot.link_frames import inverse, rigid
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
+from mlivr_gym.robot.rigid import inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import Box
@@ -47,14 +52,11 @@ EVEN = 1e-6
 """Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
 
 
-@dataclass(frozen=True)
-class RobotFile:
+class RobotFile(NamedTuple):
     """A robot as a file describes it."""
 
     fields: dict[str, Any]
     """Fields of `RobotSpec`."""
-    joint_names: tuple[tuple[str, ...], ...]
-    """Names of the joints that move in the file, N of six."""
     file_limbs: tuple[FileLimb, ...] = ()
     """Each limb as the file has it; none if this package wrote the file."""
 
@@ -89,43 +91,37 @@ def read_robot(path: str | Path, **options: Any) -> RobotFile:
 
 
 def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: bool) -> RobotFile:
-    """Read a robot by what a caller says and by the fields that a caller gives."""
     tree = read_tree(path)
     written, is_as_written = written_in(tree)
     if is_as_written and not is_told:
-        usual = usual_joints(len(written["mounts"] or ()) or written["limbs"])
-        return RobotFile(written | fields, written.get("joint_names") or usual)
-    file = read_description(path, tree, options)
-    links = Tree(file)
-    arms = arms_of(links, options.tips, options.tool_frame)
-    arms = with_held_joints(links, arms, options.held_joint, options.held_angle)
-    parts = [limb_parts(links, arms, k, options.tool_length) for k in range(len(arms))]
+        return RobotFile(written | fields)
+    file = Description(path, tree, options)
+    arms = arms_of(file, options)
+    members, bases = body_and_bases(file, arms)
+    every = zip(arms, bases, strict=True)
+    parts = [limb_parts(file, arm, base, options.tool_length) for arm, base in every]
     if len(arms) == 1:
-        limbs, build = _one_arm(links, parts[0], options)
+        limbs, build = _one_arm(file, parts[0], options)
     else:
-        limbs, build = _whole(links, parts, options)
+        limbs, build = _whole(file, members, parts, options)
     planned = {key: value for key, value in written.items() if key in PLANNED}
-    return RobotFile(
-        _fields(file, limbs, build) | planned | fields,
-        tuple(limb.joint_names for limb in limbs),
-        tuple(limbs),
-    )
+    return RobotFile(_fields(file, limbs) | build | planned | fields, tuple(limbs))
 
 
 def _one_arm(
-    tree: Tree, parts: LimbParts, options: FileOptions
+    file: Description, part: LimbParts, options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return equal arms mounted evenly round a box, and the fields of the robot's build."""
     if options.up is not None:
         raise RobotError("up is for a whole robot; the file is one arm")
-    limb = limb_of(tree, parts, options, parts.tool_length, None)
+    limb = limb_of(file, part, options, part.tool_length, None)
     count, size, radius = options.limbs or 2, options.body_size or 0.2, options.mount_radius
     if radius is None:
         radius = 0.5 * float(np.max(size)) + _stand_off(limb)
-    names = [tuple(f"limb{i}/{name}" for name in limb.joint_names) for i in range(count)]
+    names = tuple(tuple(f"limb{i}/{name}" for name in limb.joint_names) for i in range(count))
     return [limb] * count, {
         "limbs": count, "body_size": size, "mount_radius": radius,
-        "tool_length": parts.tool_length, "joint_names": tuple(names),
+        "tool_length": part.tool_length, "joint_names": names,
     }  # fmt: skip
 
 
@@ -145,10 +141,10 @@ def _stand_off(limb: FileLimb) -> float:
 
 
 def _whole(
-    tree: Tree, parts: list[LimbParts], options: FileOptions
+    file: Description, members: tuple[int, ...], parts: list[LimbParts], options: FileOptions
 ) -> tuple[list[FileLimb], dict[str, Any]]:
     """Return the limbs of a whole robot and the fields of its build."""
-    count = len(parts)
+    count, arms = len(parts), tuple(part.arm for part in parts)
     if options.limbs not in (None, count):
         raise RobotError(f"limbs is {options.limbs}; the file has {count} limbs")
     if options.mount_radius is not None:
@@ -156,46 +152,42 @@ def _whole(
             f"mount_radius is {options.mount_radius}; the file is a whole robot of {count} limbs, "
             "whose mounts it names"
         )
+    frame, radius, order = file.frame(members[0]), None, tuple(range(count))
+    if options.up is not None:
+        frame = _upright(frame, options.up, file.data.xanchor[[arm.joints[1] for arm in arms]])
+    elif even := _even(np.array([mount_of(file, arm) for arm in arms]), frame[:3, :3]):
+        frame, radius, order = even
+    frame, build = _body(file, members, frame, radius is not None, options.body_size)
     # A limb's flange may lie anywhere on the axis of its last joint: all tools are made equal.
-    length = min(part.tool_length for part in parts)
-    members = body_parts(tree, tuple(part.arm for part in parts))
-    bases = [mount_of(tree, part.arm) for part in parts]
-    root = tree.frame(members[0])
-    even = None if options.up else _even_frame(np.array(bases), root[:3, :3])
-    if even is not None:
-        root = even[0]
-    elif options.up is not None:
-        if not any(options.up):
-            raise RobotError("up is (0, 0, 0); it must be a direction, such as (-1, 0, 0)")
-        up, spine = root[:3, :3] @ options.up, np.roll(root[:, :3], 1, axis=1)
-        shoulders = tree.file.data.xanchor[[part.arm.joints[1] for part in parts]]
-        middle = shoulders.mean(axis=0)
-        root = frame_on(spine, up / np.linalg.norm(up), middle, middle)
-    body, build = _body_of(tree, members, root, even is not None, options.body_size)
-    order = range(count) if even is None else even[2]
-    limbs = [limb_of(tree, parts[k], options, length, body[:3, 2]) for k in order]
-    alike = all(limb.is_like(limbs[0]) for limb in limbs)
-    build |= {"tool_length": length, "joint_names": tuple(limb.joint_names for limb in limbs)}
-    if alike and even is not None:
-        return limbs, build | {"limbs": count, "mount_radius": even[1]}
+    build["tool_length"] = length = min(part.tool_length for part in parts)
+    limbs = [limb_of(file, parts[k], options, length, frame[:3, 2]) for k in order]
+    build["joint_names"] = tuple(limb.joint_names for limb in limbs)
+    are_alike = all(limb.is_like(limbs[0]) for limb in limbs)
+    if are_alike and radius is not None:
+        return limbs, build | {"limbs": count, "mount_radius": radius}
+    places = [inverse(frame) @ limb.mount for limb in limbs]
     build["mounts"] = tuple(
         Mount(
             as_triple(place[:3, 3]), Box.rows(place[:3, :3]),
-            *(() if alike else (limb.limb, limb.capsules, limb.dynamics, limb.visuals or None)),
+            *(() if are_alike else (one.limb, one.capsules, one.dynamics, one.visuals or None)),
         )
-        for limb in limbs
-        for place in [inverse(body) @ limb.mount]
+        for one, place in zip(limbs, places, strict=True)
     )  # fmt: skip
     return limbs, build
 
 
-def _body_of(
-    tree: Tree,
-    members: tuple[int, ...],
-    frame: Array,
-    is_even: bool,
+def _upright(root: Array, up: Triple, shoulders: Array) -> Array:
+    """Return the frame between shoulders whose z axis is a direction in the root's axes."""
+    if not any(up):
+        raise RobotError("up is (0, 0, 0); it must be a direction, such as (-1, 0, 0)")
+    z, spine, middle = root[:3, :3] @ up, np.roll(root[:, :3], 1, axis=1), shoulders.mean(axis=0)
+    return frame_on(spine, z / np.linalg.norm(z), middle, middle)
+
+
+def _body(
+    file: Description, members: tuple[int, ...], frame: Array, is_even: bool,
     size: float | Triple | None,
-) -> tuple[Array, dict[str, Any]]:
+) -> tuple[Array, dict[str, Any]]:  # fmt: skip
     """Return the frame of a robot's body in the world (4, 4), and the robot's fields of it.
 
     Its edge or three edges may be given [m]; else it is the box round its shapes, and unless the
@@ -204,33 +196,30 @@ def _body_of(
     """
     if size is None:
         remedy = "give body_size [m]"
-        shapes = solids(tree, members, frame, remedy)
+        shapes = solids(file, members, frame, remedy)
         if not shapes:
-            name = tree.name(members[0])
+            name = file.name_of(members[0])
             raise RobotError(f"the body {name!r} has no collision shape; {remedy}")
         middle, half = box_round(shapes, is_even)
         frame = frame.copy()
         frame[:3, 3] += frame[:3, :3] @ middle
         x, y, z = (2.0 * half).tolist()
         size = x if x == y == z else (x, y, z)
-    solid, build = joined(tree, members, frame), dict[str, Any](body_size=size)
-    if solid.mass:
-        build |= {
-            "body_mass": solid.mass, "body_centre": solid.centre, "body_inertia": solid.inertia,
-        }  # fmt: skip
-    return frame, build
+    solid = joined(file, members, frame)
+    fields = dict(zip(("body_mass", "body_centre", "body_inertia"), solid, strict=True))
+    return frame, {"body_size": size} | (fields if solid.mass else {})
 
 
-def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
+def _even(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
     """Return the frame in which limbs are mounted evenly round z, their radius and their order.
 
     Its x axis points to limb 0, and round its z axis, one of some axes that are columns of shape
     (3, 3), they lie in order. Mounts in the world have shape (N, 4, 4). None if they are not even.
     """
-    count, outward, positions = len(mounts), mounts[:, :3, 2], mounts[:, :3, 3]
-    centre = positions.mean(axis=0)
-    radius = float(((positions - centre) * outward).sum(axis=1).mean())
-    if radius < 0.0 or np.abs(positions - centre - radius * outward).max() > EVEN:
+    outward, centre = mounts[:, :3, 2], mounts[:, :3, 3].mean(axis=0)
+    away = mounts[:, :3, 3] - centre
+    radius = float((away * outward).sum(axis=1).mean())
+    if radius < 0.0 or np.abs(away - radius * outward).max() > EVEN:
         return None
     for z in axes.T[::-1]:
         if np.abs(outward @ z).max() > EVEN:
@@ -241,15 +230,19 @@ def _even_frame(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ..
         angles = (angles + EVEN) % (2.0 * np.pi) - EVEN
         order = np.argsort(angles)
         gaps = np.diff([*angles[order], 2.0 * np.pi])
-        if np.abs(gaps - 2.0 * np.pi / count).max() <= 10.0 * EVEN:
+        if np.abs(gaps - 2.0 * np.pi / len(mounts)).max() <= 10.0 * EVEN:
             frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
             return frame, round(radius, 9), tuple(order.tolist())
     return None
 
 
-def _fields(file: Description, limbs: list[FileLimb], build: dict[str, Any]) -> dict[str, Any]:
-    """Return the fields of a robot."""
-    first = limbs[0]
+def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
+    first, told = limbs[0], [f"the file of {file.name}", *file.notes]
+    told += dict.fromkeys(note for limb in limbs for note in limb.notes)
+    fitted = max(max(limb.excess.values(), default=0.0) for limb in limbs)
+    if fitted:
+        told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
+    source = "".join(c if c.isprintable() else " " for c in "; ".join(told))
     scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
     return {
         "name": file.name,
@@ -258,21 +251,8 @@ def _fields(file: Description, limbs: list[FileLimb], build: dict[str, Any]) -> 
         "visuals": first.visuals or None,
         "dynamics": first.dynamics,
         "gripper_mass": min(limb.gripper_mass for limb in limbs),
-        "source": _source(file, limbs),
+        "source": source[:MAX_REMARK_LENGTH],
         "heights": tuple(scale * height for height in HEIGHTS),
         "span": scale * SPAN,
         "characteristic_length": scale * CHARACTERISTIC_LENGTH,
-        **build,
     }
-
-
-def _source(file: Description, limbs: list[FileLimb]) -> str:
-    """Return where the figures come from, in words."""
-    told = [f"the file of {file.name}", *file.notes]
-    notes = [note for limb in limbs for note in limb.notes]
-    told += [note for k, note in enumerate(notes) if note not in notes[:k]]
-    fitted = max(max(limb.excess.values(), default=0.0) for limb in limbs)
-    if fitted:
-        told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
-    text = "; ".join(told)
-    return "".join(c if c.isprintable() else " " for c in text)[:MAX_REMARK_LENGTH]

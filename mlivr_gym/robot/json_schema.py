@@ -11,7 +11,7 @@ from typing import Any
 from mlivr_gym.json_schema import DRAFT, json_schema_of
 from mlivr_gym.robot.limb_dynamics import ARMS, Named
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.validators import PairOf, SizeOrEdges
+from mlivr_gym.robot.validators import OneOrList, PairOf
 
 
 def robot_schema() -> dict[str, Any]:
@@ -34,8 +34,8 @@ def _of_named(kind: Named) -> dict[str, Any]:
 
 
 @json_schema_of.register
-def _of_size(kind: SizeOrEdges) -> dict[str, Any]:
-    return {"anyOf": [json_schema_of(kind.edge), json_schema_of(kind.edges)]}
+def _of_one_or_list(kind: OneOrList) -> dict[str, Any]:
+    return {"anyOf": [json_schema_of(kind.one), json_schema_of(kind.listed)]}
 
 
 @json_schema_of.register

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Annotated, Any
 
@@ -13,12 +12,10 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
-from mlivr_gym.robot.link_frames import axes_of, rigid, turn_about_z
+from mlivr_gym.robot.rigid import axes_of, foot, rigid, turn_about_z
+from mlivr_gym.robot.validators import FARTHEST_TURN, SIX_ANGLES
 from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
-from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
-
-FARTHEST_TURN = 100.0
-"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
+from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
 JOINT_LIMITS = (
     *((-2.0 * np.pi, 2.0 * np.pi),) * 2, (-np.pi, np.pi), *((-2.0 * np.pi, 2.0 * np.pi),) * 3,
@@ -49,9 +46,6 @@ a limb can fold, stay folded and unfold.
 
 Angle = Annotated[float, Tuples((), -FARTHEST_TURN, FARTHEST_TURN, "rad")]
 """An angle of a joint [rad]."""
-
-SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
-"""Angles of six joints [rad]."""
 
 UNIT_LENGTH = 1e-6
 """How far a quaternion's length may be from 1."""
@@ -139,7 +133,6 @@ class Limb:
         self._check_axes(place)
 
     def _check_limits(self, place: FieldPath) -> None:
-        """Refuse limits in the wrong order, and a held angle outside them, by a `RobotError`."""
         for joint, (low, high) in enumerate(self.joint_limits):
             if not (low < high or (low == high and joint + 1 == self.held_joint)):
                 limits = place.field("joint_limits").entry(joint)
@@ -154,7 +147,6 @@ class Limb:
             )
 
     def _check_axes(self, place: FieldPath) -> None:
-        """Refuse axes that no limb can have, by a `RobotError`."""
         first, last = self.steps[0], self.steps[5]
         if max(*np.abs(first[:2, 3]), *np.abs(first[:2, 2])) > SAME_LINE or first[2, 2] < 0.0:
             raise (
@@ -181,22 +173,20 @@ class Limb:
     @cached_property
     def _whole(self) -> tuple[Array, Array]:
         """Base of the joints that move in the mount (4, 4), and their steps (6, 4, 4)."""
-        steps, before = [], np.eye(4)
-        axes = self.axes or (1.0,) * len(self.origins)
-        for k, (origin, quaternion) in enumerate(
-            zip(self.origins, self.quaternions, strict=True), 1
-        ):
-            # What quarter turns leave of a sine is a rounding error.
-            before = before @ rigid(np.round(axes_of(quaternion), 15), origin)
-            if k == self.held_joint:
-                before = before @ turn_about_z(axes[k - 1] * self.held_angle)
-                continue
-            steps.append(before)
-            before = np.eye(4)
-        if self.held_joint == len(self.origins):
-            steps[-1] = steps[-1] @ before
+        axes, locked = self.axes or (1.0,) * len(self.origins), self.held_joint
+        # What quarter turns leave of a sine is a rounding error; nothing is -0.
+        steps = [
+            rigid(np.round(axes_of(quaternion), 15), origin) + 0.0
+            for origin, quaternion in zip(self.origins, self.quaternions, strict=True)
+        ]
+        if locked is not None:
+            step = steps.pop(locked - 1) @ turn_about_z(axes[locked - 1] * self.held_angle)
+            if locked < len(self.origins):
+                steps[locked - 1] = step @ steps[locked - 1]
+            else:
+                steps[-1] = steps[-1] @ step
         base = np.eye(4)
-        if self.held_joint == 1:
+        if locked == 1:
             base, steps[0] = steps[0], np.eye(4)
         return base, np.array(steps)
 
@@ -219,11 +209,6 @@ class Limb:
         return self.moving_angles(np.array(self.axes or (1.0,) * len(self.origins)))
 
     @property
-    def frames_at_zero(self) -> Array:
-        """Frames of base and links in the base at joint angles of 0, shape (7, 4, 4)."""
-        return frames_at(self.steps, self.senses, np.zeros(6))
-
-    @property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
         base = float(np.linalg.norm(self.base_in_mount[:3, 3]))
@@ -237,14 +222,9 @@ class Limb:
 
     @property
     def shoulder_height(self) -> float:
-        """Height of the shoulder over the base, where axis 2 comes closest to axis 1 [m]."""
-        first, second = self.frames_at_zero[1:3]
-        across = np.cross(second[:3, 2], np.cross(first[:3, 2], second[:3, 2]))
-        share = float(first[:3, 2] @ across)
-        if share < MIN_SIZE:
-            return float(second[2, 3])
-        apart = second[:3, 3] - first[:3, 3]
-        return float(first[2, 3] + (apart @ across) / share)
+        """Height of the shoulder over the base, where axis 1 comes closest to axis 2 [m]."""
+        frames = link_frames(self, np.zeros(6))[1:]
+        return float(foot(frames[:, :3, 2], frames[:, :3, 3], 0, 1)[2])
 
     @cached_property
     def arm_length(self) -> float:
@@ -321,22 +301,6 @@ class Limb:
         turned: Array = (np.array(form.sign) * self.senses)[:count] * (angles - zero[:count])
         return turned
 
-    def folds_in_windows(self, folds: Sequence[Sequence[float]]) -> Array:
-        """Those of some folds, joints 1 to 5 [rad], that lie in the windows, shape (k, 5)."""
-        low, high = self.windows[:5].T
-        angles = np.array(folds, dtype=np.float64).reshape(-1, 5)
-        angles = low + np.mod(angles - low, 2.0 * np.pi)
-        inside: Array = angles[(angles <= high).all(axis=1)]
-        return inside
-
-    @property
-    def failed_joint(self) -> int | None:
-        """Number of the joint that is locked, whose limits are one angle; None if none is."""
-        if self.held_joint is None:
-            return None
-        low, high = self.joint_limits[self.held_joint - 1]
-        return self.held_joint if low == high else None
-
     def moving_angles(self, angles: Array) -> Array:
         """Return angles of the joints that move from those of all joints of the arm [rad].
 
@@ -351,12 +315,51 @@ class Limb:
         return rows if at is None else np.insert(rows, at - 1, self.held_angle, axis=-1)
 
 
+def link_frames(limb: Limb, angles: Array) -> Array:
+    """Return the frames of base and links in the limb's base frame, shape (..., 7, 4, 4).
+
+    Joint angles have shape (..., 6) [rad].
+    """
+    return frames_at(limb.steps, limb.senses, angles)
+
+
+def with_failed_joint(limb: Limb, joint: int, angle: float) -> Limb:
+    """Return a limb with a joint, counted from 1, locked at an angle [rad].
+
+    Its limits become that angle, and it is held in place of the one that was. Raises a
+    `RobotError`, to be preceded by which limb it is, if no six other joints can move it.
+    """
+    count = len(limb.joint_limits)
+    if joint not in range(1, count + 1):
+        raise RobotError(f"joint is {joint}; it must be a whole number from 1 to {count}")
+    if limb.held_joint is None:
+        raise RobotError(
+            f"has {count} joints: with joint {joint} failed it can hold its point, but neither "
+            "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
+            "seven joints plans on"
+        )
+    low, high = limb.joint_limits[limb.held_joint - 1]
+    if low == high and (joint, angle) != (limb.held_joint, low):
+        raise RobotError(
+            f"has joint {limb.held_joint} failed at {low:g} rad already; with joint {joint} "
+            f"failed at {angle:g} rad as well it could hold its point, but neither step nor "
+            "follow the body"
+        )
+    try:
+        failed = replace(limb, held_joint=joint, held_angle=float(angle))
+    except RobotError as fault:
+        raise RobotError(f"cannot move with joint {joint} failed: {fault}") from None
+    limits = list(limb.joint_limits)
+    limits[joint - 1] = (failed.held_angle, failed.held_angle)
+    return replace(failed, joint_limits=tuple(limits))
+
+
 @lru_cache(maxsize=8)
 def _postures(limb: Limb) -> tuple[Array, Array]:
     """Return joint angles (k, 6) [rad] all over the limits, and link frames (k, 7, 4, 4)."""
     low, high = limb.windows.T
     angles = np.random.default_rng(0).uniform(low, high, (TRIED, 6))
-    return angles, frames_at(limb.steps, limb.senses, angles)
+    return angles, link_frames(limb, angles)
 
 
 LIMB = Struct.of(Limb)

@@ -19,6 +19,7 @@ from mlivr_gym.files import read_json
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
 from mlivr_gym.robot.limb import LIMB, Limb
 from mlivr_gym.robot.rigid import RigidBody, cylinder
+from mlivr_gym.robot.validators import MASSES, GivenInertia, GivenPosition, Inertias
 from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Tuples, Validator
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple
 
@@ -31,12 +32,6 @@ SAME_LENGTH = 1e-3
 OLD_FIELDS = frozenset({"family", "d1", "a2", "a3", "d4", "d5", "d6"})
 """Fields of limbs in files of earlier versions."""
 
-MASSES = (1e-3, 1e6)
-"""Least and largest mass of a part [kg]: a gram, and twice the ISS."""
-
-GivenInertia = Annotated[tuple[float, ...] | None, OrNone(Tuples((6,), -1e6, 1e6, "kg m^2"))]
-"""An inertia xx, yy, zz, xy, xz, yz [kg m^2], or None."""
-
 
 @dataclass(frozen=True)
 class LimbDynamics:
@@ -46,11 +41,9 @@ class LimbDynamics:
     """Mass of the link by which the limb is fixed to the body [kg]; 0 if the body includes it."""
     masses: Annotated[tuple[float, ...], Tuples((6,), *MASSES, "kg")]
     """Mass of each link [kg]."""
-    centres: Annotated[
-        tuple[tuple[float, ...], ...], Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m")
-    ]
+    centres: Annotated[tuple[Triple, ...], Tuples((6, 3), most=MAX_ROBOT_LENGTH, unit="m")]
     """Centre of mass of each link in its frame [m], six of three."""
-    inertias: Annotated[tuple[tuple[float, ...], ...], Tuples((6, 6), -1e6, 1e6, "kg m^2")]
+    inertias: Annotated[tuple[tuple[float, ...], ...], Inertias((6, 6), -1e6, 1e6, "kg m^2")]
     """Inertia of each link about its centre of mass in the axes of its frame, xx, yy, zz, xy, xz,
     yz [kg m^2]."""
     torque_limits: Annotated[tuple[float, ...], Tuples((6,), 1e-3, 1e6, "N m")]
@@ -59,9 +52,7 @@ class LimbDynamics:
     """Largest speed of each joint [rad/s]."""
     rotor_inertias: Annotated[tuple[float, ...], Tuples((6,), 0.0, 1e3, "kg m^2")]
     """Inertia of each joint's rotor, reflected through its gear [kg m^2]."""
-    base_centre: Annotated[Triple | None, OrNone(Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m"))] = (
-        None
-    )
+    base_centre: GivenPosition = None
     """Centre of mass of that link in the limb's base frame [m]; None if it has no mass."""
     base_inertia: GivenInertia = None
     """Its inertia, in the order of `inertias` [kg m^2]; None if it has no mass."""
@@ -70,38 +61,19 @@ class LimbDynamics:
         """Check every figure."""
         place = FieldPath("dynamics", RobotError)
         LIMB_DYNAMICS.check(self, place)
-        for link, inertia in enumerate(self.inertias):
-            check_inertia(inertia, place.field("inertias").entry(link))
         for name in ("base_centre", "base_inertia"):
             if (getattr(self, name) is None) != (not self.base_mass):
                 raise place.field(name).fault(
                     f"is {getattr(self, name)}; a base_mass of {self.base_mass:g} kg needs "
                     f"{'it' if self.base_mass else 'None'}"
                 )
-        if self.base_inertia is not None:
-            check_inertia(self.base_inertia, place.field("base_inertia"))
 
     @property
-    def base_link(self) -> RigidBody:
-        """The link by which the limb is fixed to the body, in the limb's base frame."""
-        return RigidBody(
-            self.base_mass, self.base_centre or (0.0, 0.0, 0.0), self.base_inertia or (0.0,) * 6
-        )
-
-
-def check_inertia(inertia: tuple[float, ...], place: FieldPath) -> None:
-    """Refuse an inertia xx, yy, zz, xy, xz, yz [kg m^2] that no body can have.
-
-    Raises a `RobotError` if a principal moment is not above 0, or two add up to less than the
-    third.
-    """
-    moments = RigidBody(1.0, (0.0, 0.0, 0.0), inertia).principal_moments
-    if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
-        told = ", ".join(f"{moment:g}" for moment in moments)
-        raise place.fault(
-            f"has the principal moments {told}; they must be above 0, and two of them "
-            "together at least the third"
-        )
+    def solids(self) -> tuple[RigidBody, ...]:
+        """Base and six links, each in its frame; the base in that of the limb's base."""
+        base = self.base_centre or (0.0, 0.0, 0.0), self.base_inertia or (0.0,) * 6
+        links = zip(self.masses, self.centres, self.inertias, strict=True)
+        return RigidBody(self.base_mass, *base), *(RigidBody(*link) for link in links)
 
 
 @cache
@@ -153,23 +125,6 @@ def arm_of(limb: Limb) -> str | None:
     return None
 
 
-def dynamics_by_lengths(limb: Limb, robot: str, source: str) -> LimbDynamics:
-    """Return the dynamics of the arm that ships with the lengths of a limb.
-
-    Raises a `RobotError` if no arm that ships has them: another arm's figures would be wrong
-    without notice.
-    """
-    name = arm_of(limb)
-    if name is None:
-        raise RobotError(
-            f"robot {robot!r} cannot be simulated: its limbs' links are "
-            f"those of none of {', '.join(ARMS)}, whose masses, inertias and torque limits "
-            "are known; give its `dynamics`, or the name of one of these arms as `dynamics` "
-            f"to take that arm's figures (source of the robot: {source or 'not told'})"
-        )
-    return arm_dynamics(name)
-
-
 @dataclass(frozen=True)
 class Named:
     """A record of a limb, or the name of an arm that ships."""
@@ -197,3 +152,6 @@ LIMB_DYNAMICS = Struct.of(LimbDynamics)
 
 GIVEN_LIMB = Named(LIMB, arm_limb)
 """Validator of a limb, its name or plain data."""
+
+GivenDynamics = Annotated[LimbDynamics | None, OrNone(Named(LIMB_DYNAMICS, arm_dynamics))]
+"""Masses, inertias and limits of a limb, or the name of an arm that ships, or None."""

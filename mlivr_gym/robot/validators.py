@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from mlivr_gym.schema import FieldPath, ListOf, Tuples, Validator
-from mlivr_gym.values import MAX_ROBOT_LENGTH
+from mlivr_gym.arrays import Array
+from mlivr_gym.robot.rigid import RigidBody
+from mlivr_gym.schema import FieldPath, OrNone, Tuples, Validator, is_list
+from mlivr_gym.values import MAX_ROBOT_LENGTH, MIN_SIZE, Triple
 
 APART = (
     ("base", "upper_arm"),
@@ -19,7 +21,6 @@ APART = (
 )
 """Pairs of links that lie beside each other, by lengths that no joint angle changes."""
 
-
 SMALLEST_BODY = 1e-3
 """Smallest edge of the body [m]: MuJoCo refuses the inertia of a smaller one."""
 
@@ -28,6 +29,43 @@ MOST_FOLDS = 4
 
 MOST_POSES = 64
 """Largest number of candidate heights or rolls; the robots that ship have four and five."""
+
+MASSES = (1e-3, 1e6)
+"""Least and largest mass of a part [kg]: a gram, and twice the ISS."""
+
+FARTHEST_TURN = 100.0
+"""Largest joint limit or angle [rad], 16 turns; a UR joint has one in each direction."""
+
+POSITION = Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")
+"""Validator of a position [m]."""
+
+LENGTH = Tuples((), 0.0, MAX_ROBOT_LENGTH, "m")
+"""Validator of a length that may be 0 [m]."""
+
+POSITIVE = Tuples((), MIN_SIZE, MAX_ROBOT_LENGTH, "m")
+"""Validator of a length above 0 [m]."""
+
+SIX_ANGLES = Tuples((6,), -FARTHEST_TURN, FARTHEST_TURN, "rad")
+"""Validator of angles of six joints [rad]."""
+
+
+@dataclass(frozen=True)
+class OneOrList:
+    """A single value of one kind, or a list of another."""
+
+    one: Validator[Any]
+    listed: Validator[Any]
+
+    def read(self, value: object, place: FieldPath) -> Any:
+        """Return what the kind of the value reads."""
+        return (self.listed if is_list(value) else self.one).read(value, place)
+
+
+EDGES = OneOrList(
+    Tuples((), SMALLEST_BODY, MAX_ROBOT_LENGTH, "m"),
+    Tuples((3,), SMALLEST_BODY, MAX_ROBOT_LENGTH, "m"),
+)
+"""Validator of the edge of a cube, or of the three edges of a box [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,44 +84,33 @@ class PairOf:
         raise place.refused(value, "one of " + ", ".join(map(json.dumps, self.pairs)))
 
 
-@dataclass(frozen=True)
-class SizeOrEdges:
-    """Validator of the edge of a cube [m], or of three edges of a box."""
-
-    least: float = SMALLEST_BODY
-    """Smallest edge [m]."""
-
-    @property
-    def edge(self) -> Tuples:
-        """Validator of the edge of a cube."""
-        return Tuples((), self.least, MAX_ROBOT_LENGTH, "m")
-
-    @property
-    def edges(self) -> Tuples:
-        """Validator of three edges."""
-        return Tuples((3,), self.least, MAX_ROBOT_LENGTH, "m")
+class Inertias(Tuples):
+    """Validator of inertias xx, yy, zz, xy, xz, yz [kg m^2] that bodies can have."""
 
     def read(self, value: object, place: FieldPath) -> Any:
-        """Return a float, or a tuple of three; three equal edges are those of a cube."""
-        if not _is_list(value):
-            return self.edge.read(value, place)
-        edges = self.edges.read(value, place)
-        return edges[0] if len(set(edges)) == 1 else edges
+        """Return the numbers.
+
+        Principal moments must be above 0, and no two of them together less than the third.
+        """
+        found = super().read(value, place)
+        for k, inertia in enumerate(np.reshape(found, (-1, 6)).tolist()):
+            moments = RigidBody(1.0, (0.0, 0.0, 0.0), inertia).principal_moments
+            if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2] * (1.0 - 1e-6):
+                told = ", ".join(f"{moment:g}" for moment in moments)
+                raise (place.entry(k) if len(self.shape) > 1 else place).fault(
+                    f"has the principal moments {told}; they must be above 0, and two of them "
+                    "together at least the third"
+                )
+        return found
 
 
-@dataclass(frozen=True)
-class OneOrEach:
-    """Validator of one value for all, or of a list with one for each."""
+GivenInertia = Annotated[tuple[float, ...] | None, OrNone(Inertias((6,), -1e6, 1e6, "kg m^2"))]
+"""An inertia xx, yy, zz, xy, xz, yz [kg m^2], or None."""
 
-    kind: Validator[Any]
-    """Validator of each value."""
-
-    def read(self, value: object, place: FieldPath) -> tuple[Any, ...]:
-        """Return a tuple of the values, of one if a single value is given."""
-        if _is_list(value):
-            return ListOf(self.kind).read(value, place)
-        return (self.kind.read(value, place),)
+GivenPosition = Annotated[Triple | None, OrNone(POSITION)]
+"""A position [m], or None."""
 
 
-def _is_list(value: object) -> bool:
-    return isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.ndim > 0)
+def edges_of(size: float | Triple) -> Array:
+    """Return the three edges of a cube or a box [m], shape (3,)."""
+    return np.broadcast_to(np.asarray(size, dtype=np.float64), 3).copy()

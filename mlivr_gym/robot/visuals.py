@@ -1,4 +1,4 @@
-"""Visual meshes of limbs: which mesh files show which link, and where.
+"""What is seen of limbs: their colours, and mesh files that show their links.
 
 Only pictures, films and the viewer use them, see `pictures.limb_meshes`.
 """
@@ -8,12 +8,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.link_frames import axes_of, rigid
-from mlivr_gym.schema import Choice, FieldPath, OrNone, Struct, Text, Tuples
-from mlivr_gym.values import MAX_REMARK_LENGTH, MAX_ROBOT_LENGTH, Triple
+from mlivr_gym.robot.validators import POSITION
+from mlivr_gym.schema import Choice, FieldPath, ListOf, OrNone, Struct, Text, Tuples
+from mlivr_gym.values import MAX_REMARK_LENGTH, Triple
+
+LIMB_COLOURS = (
+    "#d62728", "#1f5fd0", "#ff9f1c", "#17a2a2", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f",
+)  # fmt: skip
+"""Colour of each limb; red and blue are the paper's."""
 
 LARGEST_SCALE = 1e3
 """Largest factor from the units of a mesh file to metres."""
@@ -33,7 +37,7 @@ class Visual:
     """One of `capsules.LINKS`."""
     file: Annotated[str, Text(1, MAX_REMARK_LENGTH)]
     """Path of the file, STL or OBJ; one that is missing is named when the robot is drawn."""
-    position: Annotated[Triple, Tuples((3,), most=MAX_ROBOT_LENGTH, unit="m")] = (0.0, 0.0, 0.0)
+    position: Annotated[Triple, POSITION] = (0.0, 0.0, 0.0)
     """Where the mesh's origin lies in the frame of the link [m]."""
     quaternion: Annotated[
         tuple[float, float, float, float], Tuples((4,), -1.0 - 1e-9, 1.0 + 1e-9)
@@ -48,11 +52,15 @@ class Visual:
         """Check every figure."""
         VISUAL.check(self, FieldPath("visual", RobotError))
 
-    @property
-    def frame(self) -> Array:
-        """Frame of the mesh in that of the link, shape (4, 4)."""
-        return rigid(axes_of(self.quaternion), self.position)
-
 
 VISUAL = Struct.of(Visual)
 """Fields of a `Visual`."""
+
+GivenVisuals = Annotated[tuple[Visual, ...] | None, OrNone(ListOf(VISUAL, most=MOST_VISUALS))]
+"""Meshes that show a limb, or None."""
+
+
+def rgba(colour: str) -> Colour:
+    """Return the components of a colour like `"#1f77b4"`, opaque."""
+    r, g, b = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return r, g, b, 1.0

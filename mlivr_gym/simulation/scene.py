@@ -16,19 +16,33 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.motion.arguments import ARGUMENTS
-from mlivr_gym.robot.model import ROBOT as ROBOT
-from mlivr_gym.robot.model import STEEL_COLOUR, quaternion_of, robot_spec_alone
-from mlivr_gym.robot.model import SURROUNDINGS as SURROUNDINGS
-from mlivr_gym.robot.model import rgba as rgba
+from mlivr_gym.robot.capsules import LINKS
+from mlivr_gym.robot.export import as_mjcf
+from mlivr_gym.robot.rigid import quaternion_of
 from mlivr_gym.robot.specification import RobotSpec
+from mlivr_gym.robot.visuals import LIMB_COLOURS
+from mlivr_gym.robot.visuals import rgba as rgba
 from mlivr_gym.schema import Numbers
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.values import check_unique
 from mlivr_gym.world.boxes import BOX, POINT, Box, scene_name
 from mlivr_gym.world.grasp_map import GraspMap
 
+ROBOT, SURROUNDINGS = 1, 2
+"""Bits of `contype` and `conaffinity`.
+
+The robot's shapes meet each other and the surroundings; boxes never meet.
+"""
+
 FACE_GROUPS = {"deck": 1, "forward": 2, "aft": 3, "overhead": 4, "starboard": 5, "port": 5}
 """Geom group of each cabin face; the robot has group 0."""
+
+STEEL_COLOUR, DISC_COLOUR = (0.70, 0.72, 0.75, 1), (0.1, 0.1, 0.12, 1)
+ROBOT_COLOURS = {
+    "body": (0.93, 0.93, 0.95, 1), "cargo": (0.80, 0.62, 0.38, 1), "base": STEEL_COLOUR,
+    "gripper": (0.15, 0.15, 0.17, 1),
+}  # fmt: skip
+"""Colours of the body, of cargo, and of the links of limbs that do not have the limb's colour."""
 
 _POINT, _PANEL = (0.95, 0.75, 0.10, 1), (0.80, 0.82, 0.84, 1)
 COLOURS = {
@@ -98,12 +112,40 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
     A robot without known masses has those of the UR5e. Pictures do not depend on them, and
     `dynamics.dynamics_spec` refuses such a robot.
     """
-    spec: mujoco.MjSpec = robot_spec_alone(robot)
+    spec = mujoco.MjSpec.from_string(as_mjcf(robot, with_robot=False))
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.add_material(name="matt", specular=0.1, shininess=0.1)
+    for geom in spec.geoms:
+        geom.contype, geom.conaffinity, geom.material = ROBOT, ROBOT | SURROUNDINGS, "matt"
+        geom.rgba, geom.mass = _colour_of(geom.name), 0.0
+    for joint in spec.joints:
+        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    for site in spec.sites:
+        site.rgba = (0.0, 0.0, 0.0, 0.0)
+    half = 0.5 * robot.body_edges
+    spec.body("base").add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=[0, 0, half[2]],
+        size=[0.6 * half[:2].min(), 0.004, 0], rgba=DISC_COLOUR, mass=0, contype=0, conaffinity=0,
+    )  # fmt: skip
     shapes = LimbShapes(robot)
     for i in range(robot.limbs):
         for first, second in shapes.never(i):
             spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
     return spec
+
+
+def _colour_of(shape: str) -> tuple[float, ...]:
+    """Return the colour of a shape of the robot; links have two shades of their limb's colour."""
+    limb, _, rest = shape.partition("/")
+    part = rest.partition("/")[0]
+    if limb == "cargo" and rest:
+        return STEEL_COLOUR
+    if (part or limb) in ROBOT_COLOURS:
+        return ROBOT_COLOURS[part or limb]
+    red, green, blue, opaque = rgba(LIMB_COLOURS[int(limb.removeprefix("limb"))])
+    if LINKS.index(part) % 2:
+        red, green, blue = (0.55 * one + 0.45 for one in (red, green, blue))
+    return red, green, blue, opaque
 
 
 def compile_spec(spec: mujoco.MjSpec) -> mujoco.MjModel:

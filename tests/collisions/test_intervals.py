@@ -27,7 +27,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import base_path, base_poses, set_path
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import rigid
 
 ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)

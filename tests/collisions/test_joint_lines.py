@@ -18,7 +18,8 @@ from mlivr_gym.collisions.joint_lines import (
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.compiled.bit_sets import EVERY
 from mlivr_gym.kinematics.following import Following, invert_jacobian
-from mlivr_gym.robot.link_frames import link_frames, rigid
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.rigid import rigid
 
 ROBOT = robot_spec("mlivr2")
 SHAPES = LimbShapes(ROBOT)

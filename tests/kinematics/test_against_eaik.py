@@ -14,8 +14,8 @@ from wrist_arms import FURTHER, LIMBS, OTHERS, flange_of, pinocchio_wrist_arm
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
-from mlivr_gym.robot.link_frames import link_frames
 
 MIRRORED = Limb(*frames_of_dh(ur_dh(d4=-0.1333, d5=-0.0997)))
 WRISTS = LIMBS | OTHERS | FURTHER

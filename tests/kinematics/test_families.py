@@ -16,7 +16,7 @@ from oracle import volume
 from mlivr_gym.kinematics import chain
 from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
 from mlivr_gym.kinematics.manipulability import limb_manipulability
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 each_arm = pytest.mark.parametrize("name", ARMS)
 angles = st.lists(st.floats(-np.pi, np.pi), min_size=6, max_size=6).map(np.array)

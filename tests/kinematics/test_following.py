@@ -20,7 +20,8 @@ from mlivr_gym.kinematics.following import (
     bound_changes,
     invert_jacobian,
 )
-from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.rigid import inverse, rigid
 
 ARMS = {"ur5e": Limb(), "iiwa": LIMBS["iiwa"], "franka": LIMBS["franka"],
         "iiwa-fifth": OTHERS["iiwa-fifth"], "numeric": limb_of(TABLES["xarm6"])}  # fmt: skip

@@ -11,7 +11,7 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 LIMB = Limb()
 ROBOT = LimbShapes(robot_spec("mlivr2"))

@@ -14,7 +14,7 @@ from mlivr_gym.kinematics.chain import Chain
 from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
 from mlivr_gym.kinematics.numeric_seeds import set_seeds
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 each_arm = pytest.mark.parametrize("name", LIMBS)
 LEAST = 5e-3

@@ -15,7 +15,8 @@ from mlivr_gym.kinematics.following import (
     invert_jacobian,
 )
 from mlivr_gym.robot.from_file import read_robot
-from mlivr_gym.robot.link_frames import inverse, link_frames, rigid
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.rigid import inverse, rigid
 
 HALF = 0.01
 """Half of the way, of which the base goes a metre and turns by a radian in all."""

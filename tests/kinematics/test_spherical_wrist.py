@@ -12,7 +12,7 @@ from wrist_arms import IIWA, LIMBS
 
 from mlivr_gym import RobotSpec
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 each_limb = pytest.mark.parametrize("name", LIMBS)
 
@@ -73,6 +73,9 @@ def test_a_robot_with_such_limbs_is_written_and_read():
         ({"held_joint": None}, "limb.joint_limits has 7 entries; .* has 6 joints"),
         ({"held_angle": 3.0}, "limb.held_angle is 3 rad; joint 3 turns from -2.9"),
         ({"origins": ((0.0, 0.0, 360.0), *IIWA.origins[1:])}, "is 360, larger than 100 m"),
+        ({"origins": ((0.1, 0.0, 0.0), *IIWA.origins[1:])}, "put joint 1 beside the z axis"),
+        ({"quaternions": ((0.0, 1.0, 0.0, 0.0), *IIWA.quaternions[1:])}, "or against it"),
+        ({"quaternions": (*IIWA.quaternions[:6], (0.5, 0.0, 0.0, 0.0))}, "of length 0.5; it must"),
         ({"axes": (0.5,) * 7}, "limb.axes is .*; each must be 1 or -1"),
     ],
 )

@@ -16,7 +16,7 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.state import moving_limb
 

@@ -9,7 +9,7 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.figures import BASE_COLOUR
 from mlivr_gym.pictures.rendering import GHOST_OPACITY, SceneRenderer
 from mlivr_gym.pictures.route import PATH_RADIUS, Route, base_paths, plan_base_path
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.simulation.scene import compile_spec, rgba, scene_spec
 from mlivr_gym.simulation.timing import step_trajectory
 

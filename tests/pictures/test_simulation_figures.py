@@ -9,7 +9,7 @@ from recordings import resting
 
 from mlivr_gym.pictures import simulation_figures as module
 from mlivr_gym.pictures.simulation_figures import SHADES, simulation_figure
-from mlivr_gym.robot.specification import LIMB_COLOURS
+from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.simulation.recording import Capture, Failure
 
 

@@ -9,7 +9,7 @@ from robot_texts import FRANKA, GEN3, one_arm
 from mlivr_gym import RobotSpec, Settings, stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 HELD = {
     "franka": (FRANKA, {"held_joint": "joint6", "held_angle": 1.8}),

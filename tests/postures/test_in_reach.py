@@ -13,7 +13,7 @@ from wrist_arms import Lengths
 from mlivr_gym import Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 
 
 @pytest.fixture(scope="module", params=["mlivr3", "mlivr4", 3, 4])

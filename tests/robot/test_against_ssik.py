@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 from ssik import Manipulator
-from ssik_arms import apart, read_arm, solutions_of_file, solutions_of_package, solutions_of_ssik
+from ssik_arms import apart, read_arm, solutions_of_file, solutions_of_ssik
 
-from mlivr_gym import RobotSpec
-from mlivr_gym.robot.link_frames import link_frames
-from mlivr_gym.settings import PATH_FLOOR
+from mlivr_gym.robot.limb import link_frames
 
 ARMS = {
     "Franka Research 3, joint 6": ("fr3", 6),
@@ -39,24 +37,3 @@ def test_ssik_finds_the_same_solutions(name):
         assert max(apart(other, ours).max(), apart(ours, other).max()) <= 1e-6
         count += len(ours)
     assert count > 4
-
-
-@pytest.mark.parametrize("name", ["xarm6", "gen3_lite"])
-def test_arms_without_a_closed_form_have_the_regular_solutions_of_ssik(name):
-    """All but a few, which share a name with another one."""
-    theirs = Manipulator.from_prebuilt(name)
-    file, rng = read_arm(theirs, None), np.random.default_rng(1)
-    robot = RobotSpec(**file.fields)
-    assert "solved numerically" in robot.source
-    regular = found = 0
-    for q in rng.uniform(-np.pi, np.pi, (12, 6)):
-        ours = solutions_of_package(robot.limb, link_frames(robot.limb, q)[6])
-        known = solutions_of_ssik(theirs, None, theirs.fk(q))
-        frames = link_frames(robot.limb, known)[:, 1:]
-        turns = frames[..., :3, 2]
-        jacobians = np.concatenate([np.cross(frames[..., :3, 3], turns), turns], axis=2)
-        w_m = np.abs(np.linalg.det(jacobians)) / robot.characteristic_length**3
-        useful = known[w_m >= PATH_FLOOR]
-        regular, found = regular + len(useful), found + int((apart(useful, ours) < 1e-6).sum())
-    assert regular > 30
-    assert found >= 0.95 * regular

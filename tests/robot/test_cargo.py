@@ -5,7 +5,6 @@ from dataclasses import replace
 import gymnasium
 import mujoco
 import numpy as np
-import pinocchio
 import pytest
 
 from mlivr_gym import Settings, robot_spec, stance_graph
@@ -13,7 +12,6 @@ from mlivr_gym.collisions.limb_shapes import cargo_capsules
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.extensions.reaction.fastest import step_reactions
 from mlivr_gym.extensions.station_load.spectra import station_load
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.simulation.execution import execute
@@ -122,24 +120,6 @@ def test_a_walk_with_cargo_is_carried_out_and_heavier_cargo_takes_longer(part, g
     heavy = stance_graph(part, with_cargo(replace(BESIDE, mass=100.0)))
     slower = step_reactions(heavy, replace(plan, world=replace(plan.world, robot=heavy.robot)))
     assert sum(one.seconds for one in slower) > 1.1 * sum(one.seconds for one in planned)
-
-
-def test_a_plan_file_keeps_the_cargo(part, plan):
-    again = Plan.from_dict(plan.to_dict(), part)
-    assert again.world.robot.cargo == BESIDE
-    assert "cargo" not in robot_spec("mlivr2").to_dict()
-    assert again.world.robot.fingerprint != robot_spec("mlivr2").fingerprint
-
-
-def test_an_exported_robot_has_the_mass_of_its_cargo(tmp_path):
-    robot, total = with_cargo(BESIDE), robot_model(with_cargo(BESIDE)).body_mass.sum()
-    file = tmp_path / "robot.xml"
-    model = mujoco.MjModel.from_xml_string(robot.to_mjcf(file))
-    assert model.body_mass.sum() == pytest.approx(total)
-    free = pinocchio.JointModelFreeFlyer()
-    urdf = pinocchio.buildModelFromXML(robot.to_urdf(), free)
-    assert pinocchio.computeTotalMass(urdf) == pytest.approx(total)
-    assert type(robot).from_mjcf(file) == robot
 
 
 def test_cargo_that_cannot_be_is_refused():

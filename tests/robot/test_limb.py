@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mlivr_gym import Limb
+from mlivr_gym.collisions.limb_shapes import folds_in_windows
 
 TURN = 2.0 * np.pi
 ANGLES = st.floats(-20.0, 20.0)
@@ -44,5 +45,5 @@ def test_folds_are_kept_where_some_winding_of_every_joint_lies_in_its_window(lim
         ]
         if all(inside):
             expected.append([values[0] for values in inside])
-    found = limb.folds_in_windows(folds)
+    found = folds_in_windows(limb, folds)
     np.testing.assert_allclose(found, np.array(expected).reshape(-1, 5), atol=1e-9)

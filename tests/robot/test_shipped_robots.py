@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from held_points import assert_held
 from plans import first_steps
 
 from mlivr_gym import robot_spec, stance_graph
@@ -124,27 +123,3 @@ def test_robots_of_more_limbs_walk_in_mujoco(name):
     execution = execute(graph, plan)
     assert execution.failure is None
     assert len(execution.captures) == len(plan.steps)
-
-
-def test_three_iiwa_walk_to_points_that_pinocchio_sees_them_reach(jem):
-    """There is no table of this robot, so that nodes and steps are computed when needed."""
-    pair = robot_spec("mlivr2-iiwa")
-    robot = replace(pair, name="three iiwa", limbs=3, limb=replace(pair.limb, held_angle=0.0),
-                    heights=(0.45, 0.55, 0.65, 0.75, 0.85))  # fmt: skip
-    start, goal = ("D3b:0", "F5a:2", "F4b:1"), (4.685, -0.428, -0.106)
-    near = np.linalg.norm(jem.positions - np.array(goal), axis=1) < 1.7
-    graph = stance_graph(jem.subset(near), robot=robot)
-    plan = Planner(graph).plan(start, goal, "steps").unwrap()
-    model = iiwa_model(0.0)
-    data, flange = model.createData(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.045]))
-
-    def flange_of(joints):
-        pin.forwardKinematics(model, data, joints * OTHER_SENSE)
-        return (data.oMi[6] * flange).homogeneous
-
-    for stance in plan.stances:
-        held = graph.configuration(graph.state(stance))
-        assert_held(robot, graph.grasp_map, stance, held, flange_of)
-    execution = execute(graph, plan)
-    assert execution.failure is None
-    assert len(execution.captures) == len(plan.steps) > 0

@@ -8,7 +8,7 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import Box, GraspMap, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances.random_states import random_state
 
 

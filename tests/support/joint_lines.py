@@ -3,7 +3,8 @@
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.collisions.places import LineScratch
-from mlivr_gym.robot.link_frames import link_frames, rigid
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.rigid import rigid
 
 
 def flange_in_body(robot, limb, q):

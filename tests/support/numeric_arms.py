@@ -4,8 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 from mlivr_gym.robot.dh_table import frames_of_dh
-from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import Limb, link_frames
 
 RIGHT = 0.5 * np.pi
 TURN = ((-np.pi, np.pi),) * 6

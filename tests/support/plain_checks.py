@@ -16,7 +16,7 @@ from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.intervals import check_line
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.transitions.departures import Departure, departure_of
 from mlivr_gym.transitions.grasp_poses import angles_above
 

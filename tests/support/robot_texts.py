@@ -1,5 +1,6 @@
 """URDF texts of arms, from published lengths, in poses and conventions of other authors."""
 
+import re
 import warnings
 
 import numpy as np
@@ -197,3 +198,35 @@ def written(folder, text, name="arm.urdf"):
     path = folder / name
     path.write_text(text)
     return str(path)
+
+
+def more(text, *parts):
+    """A file with further elements."""
+    return text.replace("</robot>", "".join(parts) + "</robot>")
+
+
+def hinge(name, parent, child, place=(0.02, 0.0, 0.05)):
+    """A revolute joint and the link that it moves, which has a shape."""
+    step = np.eye(4)
+    step[:3, 3] = place
+    limits = '<axis xyz="0 1 0"/><limit lower="0" upper="0.8" effort="5" velocity="2"/>'
+    return joint_of(name, "revolute", parent, child, step, limits) + (
+        f'<link name="{child}">{SHAPE}</link>'
+    )
+
+
+def tool_of(text, rpy=(0.0, 0.0, 0.0), length=0.05):
+    """A file whose tool frame is turned, and beyond the last link."""
+    frame = f'xyz="0 0 {length}" rpy="{told(rpy)}"'
+    return re.sub(r'(name="fixed".*?<origin )xyz="[^"]*" rpy="[^"]*"', rf"\1{frame}", text,
+                  flags=re.DOTALL)  # fmt: skip
+
+
+def straight_arm():
+    """An arm whose last link is the flange, so that a tool frame is given in its axes."""
+    return one_arm(frames=frames_of((0.18, -0.6, -0.57, 0.17, 0.12, 0.0)))
+
+
+def with_mesh(text, name):
+    """A file in which a mesh is the first shape of a link that moves."""
+    return text.replace('<sphere radius="0.03"/>', f'<mesh filename="{name}"/>', 1)

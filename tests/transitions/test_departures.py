@@ -8,7 +8,8 @@ import pytest
 from random_steps import neighbouring_points
 
 from mlivr_gym import Limb, robot_spec, stance_graph
-from mlivr_gym.robot.link_frames import link_frames, rigid
+from mlivr_gym.robot.limb import link_frames
+from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.transitions.departures import OFF_NORMAL, Departure, departure_of
 
 SHARES = np.linspace(0.0, 1.0, 11)

@@ -13,7 +13,7 @@ from mlivr_gym.kinematics.chain import in_window
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.limb import Angles
 from mlivr_gym.kinematics.poses import pose
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.transitions.grasp_poses import (
     angles_above,
     folded,

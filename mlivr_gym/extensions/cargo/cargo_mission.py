@@ -26,8 +26,7 @@ from mlivr_gym.extensions.cargo.carrying import carrying_robot
 from mlivr_gym.motion import FREE, Plan
 from mlivr_gym.planners import QUERY, Planner, SearchOptions
 from mlivr_gym.robot import MOST_LIMBS, Cargo, RigidBody, RobotSpec
-from mlivr_gym.robot.model import quaternion_of
-from mlivr_gym.robot.rigid import combined
+from mlivr_gym.robot.rigid import combined, quaternion_of
 from mlivr_gym.schema import NAME, Integer, ListOf, OrNone
 from mlivr_gym.simulation import Limits, Physics, Recording, Simulation, execute
 from mlivr_gym.simulation.gl import mujoco

@@ -19,7 +19,7 @@ from mlivr_gym.collisions import (
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot import MOST_LIMBS, Cargo, LockedLimb, RobotSpec
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.link_frames import link_frames
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.schema import Integer, OrNone, Tuples
 from mlivr_gym.values import as_triple
 

@@ -23,7 +23,7 @@ from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.robot_shapes import geom_corners
 from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS, plan_base_path
 from mlivr_gym.robot import RobotSpec
-from mlivr_gym.robot.link_frames import rigid
+from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.simulation import scene_spec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, set_configuration
