@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -57,8 +58,7 @@ class PostureSolver:
     """Postures of stances on a map, see `rule`.
 
     `shapes.rows`, `grasps` (m,), `boxes` and `thresholds` (1,) are robot, points, boxes and
-    thresholds as compiled code reads them. `point_cause` (m,) is the cause of the collision of a
-    gripper at each point, 0 for none; see `distances`.
+    thresholds as compiled code reads them.
     """
 
     def __init__(self, grasp_map: GraspMap, robot: RobotSpec, settings: Settings) -> None:
@@ -69,9 +69,13 @@ class PostureSolver:
         self.grasps = grasp_rows(grasp_map.positions, grasp_map.normals, rails, robot.tool_length)
         self.boxes, self._no_boxes = box_grid(grasp_map.boxes), box_grid(())
         self.thresholds = self._thresholds(settings.thresholds(robot.limbs))
-        self.point_cause = np.zeros(len(grasp_map), dtype=np.int64)
-        if settings.collisions:
-            self.point_cause = self.causes_at_points(self.boxes)
+
+    @cached_property
+    def point_cause(self) -> IntArray:
+        """Cause of the collision of a gripper at each point, 0 for none, shape (m,)."""
+        if not self.settings.collisions:
+            return np.zeros(len(self.grasp_map), dtype=np.int64)
+        return self.causes_at_points(self.boxes)
 
     def _thresholds(self, least: tuple[float, float]) -> Any:
         """Return the thresholds of stances and steps as a record of `Thresholds`, shape (1,).
