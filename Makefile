@@ -39,6 +39,9 @@ unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 # Planner, environment, simulation and files, with what these tests need alone: under five minutes.
+SHORT := $(addprefix tests/,planners/test_planner.py envs/test_env.py simulation/test_simulator.py \
+  motion/test_plan_files.py test_files.py test_arguments.py cli/test_doctor.py)
+
 short: $(VENV)/.short
 	$(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
 

@@ -147,6 +147,8 @@ def release():
 def test_the_version_stands_in_one_place(release):
     assert release.version() == __version__
     assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    latest = re.search(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)[1]
+    assert latest.split()[0] in (__version__, "Unreleased")
 
 
 def test_a_version_whose_changes_are_not_told_is_not_released(release, tmp_path, monkeypatch):
