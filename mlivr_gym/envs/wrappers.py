@@ -53,6 +53,9 @@ class RecordVideo(Independent, GymnasiumRecordVideo):
     >>> env = RecordVideo(env, "videos", every)  # doctest: +SKIP
     """
 
+    # Older versions of Gymnasium read it when a wrapper is deleted, also one that was refused.
+    recorded_frames: list[Any] = []  # noqa: RUF012
+
     @checked(
         {
             "env": WRAPPED_ENV,
