@@ -1,11 +1,17 @@
 # make demo: install, plan the four cases of the paper, carry the third out in MuJoCo; tables, pictures, film in demo/
 # make test: install what the tests need, then lint, types and tests
+#   with the newest of everything:         make test PYTHON=python3.13 VENV=.venv-newest CONSTRAINTS=
+#   with the oldest versions allowed:      make unit PYTHON=python3.11 VENV=.venv-oldest CONSTRAINTS=oldest.txt
 PYTHON ?= python3
 VENV ?= .venv
+CONSTRAINTS ?= constraints.txt
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(addprefix --constraint ,$(CONSTRAINTS))
+# The newest MuJoCo is too new for dm-control.
+comma := ,
+EXTRAS := agents,data,dev,study,viewer$(if $(CONSTRAINTS),$(comma)dm)
 
-.PHONY: demo test lint types unit test-docs slow browser coverage results compare kernels docs release clean
+.PHONY: demo test lint types unit short test-docs slow browser coverage results compare kernels docs release clean
 
 demo: $(VENV)/.core
 	@echo "Plans the four cases of the paper's Table I in three modes, and carries the third out in MuJoCo:"
@@ -31,6 +37,13 @@ types: $(VENV)/.dev
 # As many workers as cores and memory allow (tests/support/machine.py); tests of one file stay together, since they share what they set up.
 unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
+
+# Planner, environment, simulation and files, with what these tests need alone: under five minutes.
+SHORT := $(addprefix tests/,planners/test_planner.py envs/test_env.py simulation/test_simulator.py \
+  motion/test_plan_files.py test_files.py test_arguments.py cli/test_doctor.py)
+
+short: $(VENV)/.short
+	$(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
 
 # Runs every command and snippet of README, site and examples, and the tests in a browser; says what was skipped and why.
 test-docs: $(VENV)/.dev browser
@@ -107,14 +120,22 @@ $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed"; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { echo "python3 -m venv failed; on Debian: apt install python3-venv"; exit 1; }
 
-$(VENV)/.core: $(VENV)/bin/python pyproject.toml constraints.txt
+# The oldest versions that pyproject.toml allows of what users install.
+oldest.txt: pyproject.toml .ci/oldest.py
+	@$(PYTHON) .ci/oldest.py > $@
+
+$(VENV)/.core: $(VENV)/bin/python pyproject.toml $(CONSTRAINTS)
 	$(PIP) --editable .
 	@touch $@
 
 # PyTorch first and pinned, so that nothing else pulls another build of it.
 $(VENV)/.dev: $(VENV)/.core
-	$(PIP) torch==2.13.0
-	$(PIP) --editable '.[agents,data,dm,dev,study,viewer]'
+	$(PIP) torch$(if $(CONSTRAINTS),,==2.13.0)
+	$(PIP) --editable '.[$(EXTRAS)]'
+	@touch $@
+
+$(VENV)/.short: $(VENV)/.core
+	$(PIP) hypothesis pytest pytest-xdist
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.core

@@ -1,4 +1,4 @@
-"""Build the wheel and the source distribution of a release.
+"""Build the wheels and the source distributions of a release.
 
     make release REPOSITORY=https://github.com/OWNER/mlivr-gym
 
@@ -6,6 +6,9 @@ Links and pictures of the README are relative, so that they work on every branch
 On a package index they would lead nowhere. The build therefore copies the tracked files, makes the
 README's links absolute at the tag of the version, and adds `[project.urls]` to the copy of
 `pyproject.toml`. The address of the repository is an argument and is stored nowhere.
+
+The tables of three and four limbs are two thirds of all data and of use to few, so a distribution
+of their own, `mlivr-gym-tables`, puts them into the folder in which the package looks for data.
 """
 
 from __future__ import annotations
@@ -22,6 +25,28 @@ ROOT = Path(__file__).parent.parent
 
 LINK = re.compile(r"(!?)\[([^]]*)\]\((?!https?://|#)([^)\s]+)\)")
 """A relative link or picture of a Markdown page."""
+
+
+TABLES = "nodes-*.npz"
+"""Files of `envs_assets` that the second distribution holds."""
+
+OF_TABLES = """\
+[build-system]
+requires = ["setuptools>=80"]
+build-backend = "setuptools.build_meta"
+
+[project]
+name = "mlivr-gym-tables"
+version = "{number}"
+description = "Tables of all nodes of three and four limbs, for mlivr-gym"
+license = "Apache-2.0"
+dependencies = ["mlivr-gym=={number}"]
+
+[tool.setuptools]
+packages = ["mlivr_gym.envs_assets"]
+package-data = {{ "*" = ["*.npz"] }}
+"""
+"""The `pyproject.toml` of the second distribution."""
 
 
 def version() -> str:
@@ -69,7 +94,7 @@ def problems(number: str) -> list[str]:
 
 
 def build(repository: str, number: str, out: Path) -> None:
-    """Build wheel and source distribution from a copy of the tracked files with absolute links."""
+    """Build all from a copy of the tracked files with absolute links."""
     listed = subprocess.run(
         ["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True
     )
@@ -83,13 +108,27 @@ def build(repository: str, number: str, out: Path) -> None:
         readme.write_text(text, encoding="utf-8")
         with project.open("a", encoding="utf-8") as stream:
             stream.write(urls(repository, tag))
-        command = [sys.executable, "-m", "build", "--outdir", str(out.resolve())]
-        subprocess.run([*command, str(copy)], check=True)
+        tables = separate_tables(copy, number, urls(repository, tag))
+        for place in (copy, tables):
+            command = [sys.executable, "-m", "build", "--outdir", str(out.resolve()), str(place)]
+            subprocess.run(command, check=True)
+
+
+def separate_tables(copy: Path, number: str, links: str) -> Path:
+    """Move tables out of a copy of the repository; return the folder of their distribution."""
+    place = copy.with_name(f"mlivr-gym-tables-{number}")
+    data = place / "mlivr_gym" / "envs_assets"
+    data.mkdir(parents=True)
+    for path in (copy / "envs_assets").glob(TABLES):
+        path.rename(data / path.name)
+    (place / "pyproject.toml").write_text(OF_TABLES.format(number=number) + links, "utf-8")
+    shutil.copy2(copy / "LICENSE", place)
+    return place
 
 
 def main() -> int:
     """Build the release, or print what must be done before; return the exit code."""
-    parser = argparse.ArgumentParser(description="Build wheel and sdist of a release.")
+    parser = argparse.ArgumentParser(description="Build the files of a release.")
     parser.add_argument("--repository", required=True, help="address of the public repository")
     parser.add_argument("--out", default="dist", type=Path, help="folder (default: %(default)s)")
     parser.add_argument("--trial", action="store_true", help="build though it is no release yet")
@@ -104,7 +143,7 @@ def main() -> int:
     if found:
         return 1
     build(args.repository, number, args.out)
-    print(f"{args.out} holds wheel and sdist of {number}; tag the commit v{number}")
+    print(f"{args.out} holds wheels and sdists of {number}; tag the commit v{number}")
     return 0
 
 

@@ -135,6 +135,7 @@ def validator_of(annotation: Any) -> Validator[Any]:
     as those of `arrays`; an array of truth values or of integers is one that NumPy made. Of several
     types only classes and None may be alternatives, and sequences beside arrays.
     """
+    annotation = _resolved(annotation)
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         kind: Validator[Any] = annotation.__metadata__[0]
@@ -142,7 +143,7 @@ def validator_of(annotation: Any) -> Validator[Any]:
     if annotation in SIMPLE:
         return SIMPLE[annotation]
     if origin in (Union, UnionType):
-        rest = [one for one in parts if one is not NoneType]
+        rest = [_resolved(one) for one in parts if one is not NoneType]
         arrays = [one for one in rest if get_origin(one) is np.ndarray]
         one = arrays[0] if arrays else functools.reduce(operator.or_, rest)
         if len(rest) < len(parts):
@@ -159,6 +160,12 @@ def validator_of(annotation: Any) -> Validator[Any]:
     if is_typeddict(annotation):
         return InstanceOf(dict)
     return Offers(annotation) if is_protocol(annotation) else InstanceOf(origin or annotation)
+
+
+def _resolved(annotation: Any) -> Any:
+    """Return the type that an alias stands for; `NDArray` is one from NumPy 2.5 on."""
+    meant, parts = getattr(annotation, "__value__", None), get_args(annotation)
+    return annotation if meant is None else meant[parts] if parts else meant
 
 
 def is_protocol(kind: Any) -> bool:

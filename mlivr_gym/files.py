@@ -29,6 +29,9 @@ T = TypeVar("T")
 LARGEST_FILE = 1 << 25
 """Maximum size of a JSON file [bytes]; a map of 100,000 points takes half of it."""
 
+DEEPEST = 500
+"""Maximum number of objects and lists around a value; Python's own limit differs by version."""
+
 TOO_MANY_DIGITS = 309
 """Number of digits of the smallest integer that is larger than any float."""
 
@@ -232,6 +235,8 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
         )
         if not isinstance(data, dict):
             raise ValueError(f"it must hold a JSON object, not a {type(data).__name__}")
+        if _is_deep(data):
+            raise RecursionError
     except OSError as fault:
         reason = fault.strerror or str(fault)
     except UnicodeDecodeError:
@@ -259,6 +264,17 @@ def load(
         return build(data)
     except MlivrError as fault:
         raise error(f"{kind} {str(path)!r}: {fault}") from None
+
+
+def _is_deep(data: dict[str, Any]) -> bool:
+    """Return whether more than `DEEPEST` objects and lists of JSON data are within each other."""
+    level: list[Any] = [data]
+    for _ in range(DEEPEST):
+        inner = (one.values() if isinstance(one, dict) else one for one in level)
+        level = [entry for entries in inner for entry in entries if isinstance(entry, dict | list)]
+        if not level:
+            return False
+    return True
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

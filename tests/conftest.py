@@ -2,10 +2,14 @@ import json
 import os
 import shlex
 import sys
+from contextlib import suppress
 from dataclasses import replace
 
 if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
     os.environ.setdefault("MUJOCO_GL", "egl")  # before any test imports mujoco
+
+with suppress(ImportError):
+    import triton  # noqa: F401  its LLVM crashes once Mesa, which renders, has loaded another
 
 import numpy as np
 import pytest

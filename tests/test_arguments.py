@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Protocol, TypedDict
+from typing import Annotated, Any, Protocol, TypedDict, TypeVar
 
 import numpy as np
 import pytest
+from typing_extensions import TypeAliasType
 
 from mlivr_gym.arguments import checked, validator_of
 from mlivr_gym.arrays import Array, BoolArray, IntArray
@@ -14,6 +15,10 @@ from mlivr_gym.schema import FieldPath, Integer
 from mlivr_gym.transitions.state import State
 
 STATE = State((0, 1), (1, 1))
+
+T = TypeVar("T", bound=np.generic)
+Alias = TypeAliasType("Alias", np.ndarray[tuple[Any, ...], np.dtype[T]], type_params=(T,))
+"""What `numpy.typing.NDArray` is from NumPy 2.5 on, and what it stands for before."""
 
 
 class Walker(Protocol):
@@ -48,6 +53,9 @@ class Named(TypedDict):
         (Array, [[[1, 2.5]], np.zeros((2, 0)), ()], [[np.nan], [[1], [2, 3]], ["a"], 3, [1j]]),
         (IntArray, [np.array([1]), [1, 2], []], [[1.5], [True], ["a"], 3, None, [10**400]]),
         (BoolArray, [np.array([True]), [False]], [[1], [0.5], True, None]),
+        (Alias[np.float64], [[[1, 2.5]], ()], [[np.nan], ["a"], 3]),
+        (Alias[np.float64] | None, [[1.0], None], [["a"], 3]),
+        (Sequence[float] | Alias[np.float64], [[1.0], np.ones(2)], [["a"], None]),
         (Sequence[float] | Array, [[1.0], np.ones(2)], [["a"], None]),
         (Annotated[int, Integer(2, 4)], [2, 4], [1, 5]),
     ],

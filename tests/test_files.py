@@ -23,7 +23,8 @@ FAULTS = {
     "nan": (b'{"a": NaN}', "number NaN is not finite"),
     "infinity": (b'{"a": -Infinity}', "number -Infinity is not finite"),
     "list": (b"[1, 2]", "JSON object, not a list"),
-    "syntax": (b'{"a": 1,}', "not JSON: .*line 1 column 9"),
+    "deeper": (b'{"a": ' + b"[" * 500 + b"]" * 500 + b"}", "nested too deeply"),
+    "syntax": (b'{"a" 1}', "not JSON: .*line 1 column 6"),
     "twice": (b'{"b": {"a": 1, "a": 2}}', "an object has the field 'a' twice"),
     "empty": (b"", "not JSON"),
     "latin": ('{"a": "é"}'.encode("latin-1"), "not UTF-8"),
@@ -48,6 +49,7 @@ def test_what_is_no_file_is_one_error(path):
 
 def test_valid_json_is_read_as_it_is(tmp_path):
     data = {"a": [1, -2.5, 1e300, 10**300, True, None, "é"], "b": {"c": []}}
+    data["deep"] = json.loads("[" * 499 + "]" * 499)
     path = tmp_path / "ok.json"
     path.write_text(json.dumps(data), encoding="utf-8")
     assert read_json(path, "thing") == data

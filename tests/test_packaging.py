@@ -18,6 +18,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 from mlivr_gym import __version__
+from mlivr_gym.cli.installed import TESTED
 
 ROOT = Path(__file__).parent.parent
 
@@ -136,17 +137,86 @@ def test_extras_bring_what_they_need(project):
     assert {"pin", "coal"} <= set(extras["dev"])
 
 
-@pytest.fixture(scope="module")
-def release():
-    spec = importlib.util.spec_from_file_location("release", ROOT / ".ci" / "release.py")
+def script(name):
+    """A script of `.ci`, as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / ".ci" / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
 
 
+@pytest.fixture(scope="module")
+def release():
+    return script("release")
+
+
+def bounds(specifiers):
+    """The oldest version that a requirement allows."""
+    (oldest,) = [one.version for one in specifiers if one.operator == ">="]
+    return Version(oldest)
+
+
+def test_project_doctor_and_pages_tell_the_same_versions(project):
+    """Doctor knows what was tested; the project allows nothing older, and the pages say it."""
+    told = {name: tuple(map(Version, ends)) for name, ends in TESTED.items()}
+    core = requirements(project["dependencies"])
+    assert told.keys() - {"Python"} == core.keys()
+    for name, requirement in core.items():
+        oldest, newest = told[name]
+        assert bounds(requirement.specifier) == oldest, name
+        assert newest in requirement.specifier, name
+    oldest, newest = TESTED["Python"]
+    assert project["requires-python"] == f">={oldest}"
+    minors = range(Version(oldest).minor, Version(newest).minor + 1)
+    python = "Programming Language :: Python :: 3"
+    classified = [one for one in project["classifiers"] if one.startswith(python)]
+    assert classified == [python, *(f"{python}.{minor}" for minor in minors)]
+    pages = [ROOT / "README.md", ROOT / "docs" / "install.md"]
+    readme, install = [path.read_text(encoding="utf-8") for path in pages]
+    for page in (readme, install):
+        assert f"Python {oldest} to {newest}" in page
+    rows = re.findall(r"^\| (\w+) \| ([\d.]+) \| ([\d.]+) \|$", install, re.MULTILINE)
+    assert {name: ends for name, *ends in rows} == {n: list(ends) for n, ends in TESTED.items()}
+
+
+def test_the_exact_versions_were_tested_and_lower_bounds_are_all_listed(project):
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    exact = dict(line.split("==") for line in lines if "==" in line)
+    for name, (oldest, newest) in TESTED.items():
+        if name != "Python":
+            found = Version(exact[name])
+            assert Version(oldest) <= found, name
+            assert found.release[:2] <= Version(newest).release, name
+    listed = dict(line.split("==") for line in script("oldest").oldest(project))
+    for name, requirement in requirements(project["dependencies"]).items():
+        assert Version(listed[name]) == bounds(requirement.specifier)
+    assert {"torch", "viser", "dask"} <= listed.keys()
+    assert not {"ruff", "sphinx"} & listed.keys()
+
+
+def test_the_newest_python_is_one_that_runs(monkeypatch, tmp_path):
+    newest = script("newest")
+    here = sys.version_info
+    monkeypatch.setenv("PYENV_ROOT", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path / "bin"))
+    assert newest.newest(here[:2]) is None
+    for place in ("bin/python3.29", f"versions/3.{here[1]}.9/bin/python"):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).symlink_to(sys.executable)
+    broken = tmp_path / "bin" / "python3.28"
+    broken.write_text("#!/bin/sh\nexit 1\n", encoding="utf-8")
+    broken.chmod(0o755)
+    assert newest.newest((3, here[1] - 1)) in {
+        str(tmp_path / "bin" / "python3.29"), str(tmp_path / f"versions/3.{here[1]}.9/bin/python"),
+    }  # fmt: skip
+    assert newest.newest(here[:2]) is None
+
+
 def test_the_version_stands_in_one_place(release):
     assert release.version() == __version__
     assert f"\nversion: {__version__}\n" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    latest = re.search(r"^## (.+)$", (ROOT / "CHANGELOG.md").read_text("utf-8"), re.MULTILINE)[1]
+    assert latest.split()[0] in (__version__, "Unreleased")
 
 
 def test_a_version_whose_changes_are_not_told_is_not_released(release, tmp_path, monkeypatch):
@@ -181,13 +251,21 @@ def test_what_readme_links_to_is_there_and_absolute_in_a_release(release):
 
 @pytest.mark.slow
 def test_a_release_has_links_that_work_on_an_index(release, tmp_path):
-    release.build("https://example.org/o/mlivr-gym", "9.9", tmp_path)
-    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as archive:
+    version = __version__  # that of `_version.py`, by which the wheel is named
+    release.build("https://example.org/o/mlivr-gym", version, tmp_path)
+    wheel, tables = sorted(tmp_path.glob("*.whl"))
+    with zipfile.ZipFile(wheel) as archive:
         name = next(name for name in archive.namelist() if name.endswith("/METADATA"))
         told = archive.read(name).decode()
     assert "Project-URL: Repository, https://example.org/o/mlivr-gym\n" in told
-    assert "](https://example.org/o/mlivr-gym/blob/v9.9/docs/tour.md)" in told
+    assert f"](https://example.org/o/mlivr-gym/blob/v{version}/docs/tour.md)" in told
     assert not release.LINK.findall(told.split("\n\n", 1)[1])
+    first, second = contents(wheel), contents(tables)
+    assert not first.keys() & second.keys()
+    found = {f"mlivr_gym/{path.relative_to(ROOT)}" for path in ROOT.glob("envs_assets/nodes-*.npz")}
+    assert second.keys() == found
+    assert wheel.stat().st_size < 12e6
+    assert max(path.stat().st_size for path in tmp_path.glob("mlivr_gym-*.tar.gz")) < 25e6
 
 
 def test_what_the_demo_writes_is_ignored_by_git():

@@ -141,13 +141,6 @@ def world_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--base-threshold W", text, type=float)
 
 
-def output_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of printed output."""
-    text = "print one JSON object in place of text, even if the command fails"
-    option(parser, "--json", text)
-    option(parser, "-q --quiet", "print neither text nor progress; errors are still printed")
-
-
 def obstacle_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of obstacles and occupied points."""
     option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")

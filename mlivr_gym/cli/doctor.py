@@ -5,21 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import platform
-import re
-import subprocess
-import sys
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import numba
-
 from mlivr_gym import __version__
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.progress import Progress
-from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_digest, kernel_root
-from mlivr_gym.compiled.ready_made import FIRST_PLAN, why_compiled
-from mlivr_gym.errors import one_line
+from mlivr_gym.cli.installed import failure, faults, requirements, untested
 
 BACKENDS = ("egl", "glfw", "osmesa")
 """Values of `MUJOCO_GL`: rendering without a screen, with one, and in software."""
@@ -33,25 +24,17 @@ with mujoco.Renderer(model, 16, 16) as renderer:
 """
 """Program that renders one picture; each backend needs a process, since MuJoCo loads only one."""
 
-PROBE_TIMEOUT = 60.0
-"""Time limit of a backend [s]."""
-
-REQUIREMENT = re.compile(r"^([\w.-]+)(?:\[[^]]*\])?\s*([^;]*?)\s*(?:;.*extra == ['\"](\w+)['\"])?$")
-"""A requirement in the metadata: the package, its versions, and the extra that needs it."""
-
 
 def run(args: argparse.Namespace) -> int:
     """Check the installation.
 
-    Told are the versions of the package and its requirements, extras that are installed, GL
-    libraries that can render, and where machine code and step tables are stored. The exit code is 1
-    if something that every command needs is missing.
+    Told are the versions of the package and its requirements, what is too old, too new or broken of
+    them, extras that are installed, GL libraries that can render, and where machine code and step
+    tables are stored. The exit code is 1 if something that every command needs cannot be used.
     """
-    with Progress("testing the GL libraries", quiet=args.quiet):
-        gl = {name: gl_fault(name) for name in BACKENDS}
     needed = requirements()
     core, extras = needed.pop("", {}), needed
-    compiler = _cache_report()
+    wrong, newer = faults(core), untested(core)
     args.result |= {
         "mlivr_gym": __version__,
         "folder": Path(__file__).parent.parent,
@@ -59,68 +42,44 @@ def run(args: argparse.Namespace) -> int:
         "platform": platform.platform(),
         "core": core,
         "extras": extras,
-        "gl": {name: fault or "works" for name, fault in gl.items()},
-        "compiler": compiler,
+        "faults": wrong,
+        "untested": newer,
     }
     print(f"mlivr-gym {__version__} in {Path(__file__).parent.parent}")
     print(f"Python {platform.python_version()} on {platform.platform()}")
     print("required packages: " + _version_list(core))
+    for name, text in (wrong | newer).items():
+        print(f"  {name} {text}")
     for name, packages in extras.items():
         missing = [package for package, version in packages.items() if version is None]
         remedy = f"; pip install 'mlivr-gym[{name}]'" if missing else ""
         print(f"extra [{name}]: {_version_list(packages)}{remedy}")
-    for name, fault in gl.items():
-        print(f"GL library {name}: {fault or 'works'}")
-    if all(gl.values()):
-        print("  no GL library works: matplotlib draws the pictures, and films cannot be made")
+    if wrong:
+        print("GL libraries and machine code are looked at once all required packages work")
+        return FAILED
+    args.result |= {"gl": _gl_report(args.quiet), "compiler": (compiler := _cache_report())}
     for name, value in compiler.items():
         print(f"{name.replace('_', ' ')}: {value}")
-    absent = [package for package, version in core.items() if version is None]
-    return FAILED if absent or not compiler["cache_can_be_written"] else SUCCESS
+    return SUCCESS if compiler["cache_can_be_written"] else FAILED
 
 
-def requirements() -> dict[str, dict[str, str | None]]:
-    """Return the installed version, or None, of each requirement, by extra; `""` is the core."""
-    versions: dict[str, dict[str, str | None]] = {"": {}}
-    try:
-        listed = metadata.requires("mlivr-gym") or []
-    except metadata.PackageNotFoundError:  # run from a checkout that is not installed
-        return versions
-    for line in listed:
-        match = REQUIREMENT.match(line)
-        if match is not None:
-            package, _, extra = match.groups()
-            versions.setdefault(extra or "", {})[package] = _version(package)
-    return versions
+def _gl_report(quiet: bool) -> dict[str, str]:
+    """Print and return which GL libraries can render."""
+    from mlivr_gym.cli.progress import Progress  # with Numba, which may be broken
+
+    with Progress("testing the GL libraries", quiet=quiet):
+        faults_of = {name: gl_fault(name) for name in BACKENDS}
+    for name, fault in faults_of.items():
+        print(f"GL library {name}: {fault or 'works'}")
+    if all(faults_of.values()):
+        print("  no GL library works: matplotlib draws the pictures, and films cannot be made")
+    return {name: fault or "works" for name, fault in faults_of.items()}
 
 
 def gl_fault(backend: str) -> str:
     """Return why MuJoCo cannot render with a backend here, in one line; `""` if it can."""
-    environment = os.environ | {"MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
-    if backend == "glfw":
-        environment.pop("PYOPENGL_PLATFORM")
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", PROBE],
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=PROBE_TIMEOUT,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return f"no result within {PROBE_TIMEOUT:g} s"
-    if done.returncode == 0:
-        return ""
-    lines = [line for line in done.stderr.splitlines() if re.match(r"\S*(Error|Exception)\b", line)]
-    return one_line(lines[-1]) if lines else f"ended with exit code {done.returncode}"
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return None
+    library = {} if backend == "glfw" else {"PYOPENGL_PLATFORM": backend}
+    return failure(PROBE, MUJOCO_GL=backend, **library)
 
 
 def _version_list(packages: dict[str, str | None]) -> str:
@@ -129,6 +88,11 @@ def _version_list(packages: dict[str, str | None]) -> str:
 
 def _cache_report() -> dict[str, Any]:
     """Return the state of compiled code and of the cache folders."""
+    import numba  # which may be broken
+
+    from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_digest, kernel_root
+    from mlivr_gym.compiled.ready_made import FIRST_PLAN, why_compiled
+
     tables, code = cache_folder(), kernel_root()
     stored = list(tables.glob("table-*-unpacked.npz")) if tables is not None else []
     why = why_compiled(kernel_digest(FIRST_PLAN))

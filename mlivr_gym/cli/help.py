@@ -109,3 +109,11 @@ class _Help(argparse.Action):
         parser.show(values or "")
         parser.print_help()
         parser.exit()
+
+
+def output_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of printed output."""
+    text = "print one JSON object in place of text, even if the command fails"
+    parser.add_argument("--json", action="store_true", help=text)
+    text = "print neither text nor progress; errors are still printed"
+    parser.add_argument("-q", "--quiet", action="store_true", help=text)

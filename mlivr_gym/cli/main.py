@@ -28,8 +28,8 @@ from mlivr_gym.cli.exits import (
     handle_interrupts,
     print_interrupted,
 )
-from mlivr_gym.cli.help import CommandParser
-from mlivr_gym.errors import MlivrError, NoPlanError
+from mlivr_gym.cli.help import CommandParser, output_options
+from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 from mlivr_gym.extensions import commands
 
 SHOWN = ("plan", "render", "simulate", "evaluate")
@@ -71,8 +71,6 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         added = choices.add_parser(name, help=summary, epilog=examples(lines))
         added.set_defaults(default=added.get_default, commands=choices.choices)
         if name in given:
-            from mlivr_gym.cli.arguments import output_options
-
             module = import_module(place)
             added.description = inspect.getdoc(module.run)
             added.set_defaults(run=module.run)
@@ -112,7 +110,7 @@ def _run_line(given: Sequence[str]) -> int:
             _print_json(REFUSED, str(error), {})
         return REFUSED
     except Exception as error:
-        _too_little_memory(error)
+        _fault_of_machine(error)
         return FAILED
     args.result = {}
     with redirect_stdout(io.StringIO() if args.json or args.quiet else sys.stdout):
@@ -137,18 +135,21 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
         print(f"mlivr-gym: {error}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
     except Exception as error:
-        return FAILED, _too_little_memory(error)
+        return FAILED, _fault_of_machine(error)
     except KeyboardInterrupt as stop:
         print_interrupted(str(stop))
         return INTERRUPTED, str(stop) or "interrupted"
 
 
-def _too_little_memory(error: Exception) -> str:
-    """Print that memory was missing for data, a library or a thread; raise any other error."""
+def _fault_of_machine(error: Exception) -> str:
+    """Print that memory is short or another package is broken; raise any other error."""
     told = ("failed to map segment", "cannot allocate memory", "can't start new thread")
-    if not (isinstance(error, MemoryError) or any(one in str(error).lower() for one in told)):
+    if isinstance(error, MemoryError) or any(one in str(error).lower() for one in told):
+        message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
+    elif type(error) is ImportError and not (error.name or "").startswith("mlivr_gym"):
+        message = f"{one_line(str(error))}; `mlivr-gym doctor` tells what is wrong with packages"
+    else:
         raise error
-    message = "the memory that this process may use is not enough; allow more (see `ulimit -v`)"
     print(f"mlivr-gym: {message}", file=sys.stderr)
     return message
 

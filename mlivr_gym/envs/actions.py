@@ -20,7 +20,7 @@ def action_number(action: Any, count: int) -> int:
     try:
         shape = tuple(getattr(action, "shape", ()))
         # A tensor with one element on an axis would convert to a number too, but it is a batch.
-        number = -1 if shape or isinstance(action, bool) else operator.index(action)
+        number = -1 if shape or isinstance(action, bool | np.bool_) else operator.index(action)
     except TypeError:
         shape, number = (), -1
     if not 0 <= number < count:

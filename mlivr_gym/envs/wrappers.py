@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -32,7 +32,13 @@ WRAPPED_ENV = Reader(_read_env)
 """Validator of an environment that is a `MlivrEnv`, possibly inside wrappers."""
 
 
-class RecordVideo(Independent, gymnasium.wrappers.RecordVideo[Any, Any]):
+if TYPE_CHECKING:  # Gymnasium 1.2 has another number of type parameters
+    GymnasiumRecordVideo = gymnasium.wrappers.RecordVideo[Any, Any]
+else:
+    GymnasiumRecordVideo = gymnasium.wrappers.RecordVideo
+
+
+class RecordVideo(Independent, GymnasiumRecordVideo):
     """Gymnasium's `RecordVideo` with films that show the robot moving from stance to stance.
 
     Gymnasium's own wrapper takes one picture for each action, which makes a slide show of this
@@ -46,6 +52,9 @@ class RecordVideo(Independent, gymnasium.wrappers.RecordVideo[Any, Any]):
     >>> every = lambda episode: True
     >>> env = RecordVideo(env, "videos", every)  # doctest: +SKIP
     """
+
+    # Older versions of Gymnasium read it when a wrapper is deleted, also one that was refused.
+    recorded_frames: list[Any] = []  # noqa: RUF012
 
     @checked(
         {

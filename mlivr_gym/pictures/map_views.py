@@ -101,9 +101,9 @@ class MapViews:
         ball = position[:, None, None] + tolerance * ball
         wires = {"color": GOAL_COLOUR, "linewidth": 0.4, "alpha": 0.7, "zorder": 4}
         self.views[IN_SPACE].plot_wireframe(*ball, **wires)
-        angle = np.linspace(0.0, 2.0 * np.pi, 61)
+        turn = np.linspace(0.0, 2.0 * np.pi, 61)
         for view in (FROM_ABOVE, FROM_THE_SIDE):
-            ring = position[list(view), None] + tolerance * np.array([np.cos(angle), np.sin(angle)])
+            ring = position[list(view), None] + tolerance * np.array([np.cos(turn), np.sin(turn)])
             self.views[view].fill(*ring, facecolor=GOAL_COLOUR, alpha=0.25, zorder=1.5)
             self.views[view].plot(*ring, color=GOAL_COLOUR, linewidth=1.0, zorder=2)
 

@@ -44,8 +44,8 @@ def geom_corners(model: Any, geom: int) -> Array:
         corners: Array = _SIGNS * size
         return corners
     rounded = kind == mujoco.mjtGeom.mjGEOM_CAPSULE
-    rise = np.linspace(0.0, 0.5 * np.pi, 5) if rounded else np.zeros(1)
-    rise, angle = np.meshgrid(rise, np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False))
+    rises = np.linspace(0.0, 0.5 * np.pi, 5) if rounded else np.zeros(1)
+    rise, angle = np.meshgrid(rises, np.linspace(0.0, 2.0 * np.pi, ROUND, endpoint=False))
     half = np.stack([np.cos(rise) * np.cos(angle), np.cos(rise) * np.sin(angle), np.sin(rise)])
     half = size[0] * half.reshape(3, -1).T + (0.0, 0.0, size[1])
     return np.concatenate([half, half * (1.0, 1.0, -1.0)])

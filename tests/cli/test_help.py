@@ -5,8 +5,7 @@ from importlib import import_module
 
 import pytest
 
-from mlivr_gym.cli.arguments import output_options
-from mlivr_gym.cli.help import GROUPS, CommandParser
+from mlivr_gym.cli.help import GROUPS, CommandParser, output_options
 from mlivr_gym.cli.main import every_command, main
 
 SCREEN = 54

@@ -7,7 +7,8 @@ import numpy as np
 from robot_texts import FRANKA, IIWA14, UR10E, one_arm, whole_robot, written
 
 from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.cli.arguments import environment_arguments, output_options, world_options
+from mlivr_gym.cli.arguments import environment_arguments, world_options
+from mlivr_gym.cli.help import output_options
 from mlivr_gym.cli.robots import chosen_robot
 
 

@@ -24,7 +24,7 @@ SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
 
 def random_boxes(rng, count, upright=False):
     """Return boxes in random poses about the origin."""
-    turns = [np.eye(3) if upright else Rotation.random(rng=rng).as_matrix() for _ in range(count)]
+    turns = [np.eye(3) if upright else Rotation.random(None, rng).as_matrix() for _ in range(count)]
     return [
         Box(f"b{k}", "obstacle", tuple(rng.uniform(-0.6, 0.6, 3)), tuple(rng.uniform(0.02, 0.3, 3)),
             Box.rows(turn))
@@ -34,7 +34,7 @@ def random_boxes(rng, count, upright=False):
 
 def surface(rng, boxes):
     """Return a point and a normal; some of the boxes lie behind that surface and some do not."""
-    normal = Rotation.random(rng=rng).as_matrix()[:, 2]
+    normal = Rotation.random(None, rng).as_matrix()[:, 2]
     return tuple(rng.uniform(-0.3, 0.3) * normal), tuple(normal)
 
 
@@ -50,7 +50,7 @@ def test_a_box_lies_behind_a_surface_if_no_corner_stands_out_of_it(upright):
     """Corners just below and just above the `FLUSH` limit are tested."""
     rng = np.random.default_rng(0)
     for box in random_boxes(rng, 60, upright):
-        normal = Rotation.random(rng=rng).as_matrix()[:, 2]
+        normal = Rotation.random(None, rng).as_matrix()[:, 2]
         corners = np.array(box.centre) + SIGNS * box.half @ np.array(box.rotation).T
         row = box_grid([box]).boxes[0]
         for out in (FLUSH - 1e-6, FLUSH + 1e-6, rng.uniform(-1.0, 1.0)):
@@ -68,7 +68,7 @@ def test_a_capsule_meets_boxes_exactly_as_far_as_coal_says(upright, at_grasp):
         point, normal = surface(rng, boxes)
         grid, grasp = box_grid(boxes), at(point, normal)
         start = rng.uniform(-1.0, 1.0, 3)
-        end = start + rng.uniform(0.05, 0.4) * Rotation.random(rng=rng).as_matrix()[:, 0]
+        end = start + rng.uniform(0.05, 0.4) * Rotation.random(None, rng).as_matrix()[:, 0]
         counted = [box for box in boxes if not (at_grasp and behind(box, point, normal))]
         skipped += len(boxes) - len(counted)
         away = min((apart(capsule(1e-6, start, end), solid(b)) + 1e-6 for b in counted), default=9)

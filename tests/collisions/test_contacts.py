@@ -21,7 +21,7 @@ def test_capsules_lie_where_mujoco_has_them(jem):
     model = scene_spec(jem, ROBOT).compile()
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     for _ in range(5):
-        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        turn = Rotation.random(None, rng).as_quat(scalar_first=True)
         here = (
             rng.uniform(-1, 1, 3),
             turn if turn[0] > 0 else -turn,
@@ -44,9 +44,9 @@ def test_the_plain_definition_measures_what_coal_measures():
     rng, ruler = np.random.default_rng(6), Ruler(ROBOT)
     met = set()
     for _ in range(40):
-        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        turn = Rotation.random(None, rng).as_quat(scalar_first=True)
         here = (rng.uniform(-1.0, 1.0, 3), turn, rng.uniform(-3.0, 3.0, (2, 6)))
-        axes = Rotation.random(rng=rng).as_matrix()
+        axes = Rotation.random(None, rng).as_matrix()
         half = tuple(rng.uniform(0.01, 0.3, 3))
         middle = tuple(here[0] + rng.normal(0.0, 0.25, 3))
         box = Box("box", "obstacle", middle, half, Box.rows(axes))
@@ -67,10 +67,10 @@ def test_at_a_grasp_a_gripper_may_come_close_to_what_coal_leaves_out_too():
     """The farthest corner of rotated boxes at the gripper protrudes a little, or not."""
     rng, ruler, left_out = np.random.default_rng(7), Ruler(ROBOT), 0
     for k in range(60):
-        turn = Rotation.random(rng=rng).as_quat(scalar_first=True)
+        turn = Rotation.random(None, rng).as_quat(scalar_first=True)
         here = (rng.uniform(-1.0, 1.0, 3), turn, rng.uniform(-3.0, 3.0, (2, 6)))
         place = capsule_ends(ROBOT, SHAPES, here)[0, -1].mean(axis=0)
-        normal, axes = (Rotation.random(rng=rng).as_matrix() for _ in range(2))
+        normal, axes = (Rotation.random(None, rng).as_matrix() for _ in range(2))
         box = Box("box", "obstacle", tuple(place), tuple(rng.uniform(0.01, 0.2, 3)), Box.rows(axes))
         highest = np.abs(normal[0] @ axes) @ box.half
         grasp = 0, place + (highest + (-0.001, -0.003)[k % 2]) * normal[0], normal[0]

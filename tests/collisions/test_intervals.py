@@ -76,7 +76,7 @@ def random_line(rng, name, size, shares=SHARES):
     """A line of limb 0 beside the other at rest, and the configurations at shares of it."""
     start = rng.uniform(-np.pi, np.pi, (2, 6))
     joints = np.stack([start, start + rng.uniform(-size, size, (2, 6))])
-    frame = rigid(Rotation.random(rng=rng).as_matrix(), rng.uniform(-0.2, 0.2, 3))
+    frame = rigid(Rotation.random(None, rng).as_matrix(), rng.uniform(-0.2, 0.2, 3))
     joints[1, 1] = joints[0, 1]
     scratch = line_scratch(joints, frame, **COMPARED[name])
     return scratch, configurations(joints, frame, shares)
@@ -137,7 +137,7 @@ def near_box(rng, where, name, n):
         ends = capsule_ends(ROBOT, SHAPES, (position, quaternion, joints))[int(name == "follower")]
         point = ends[int(rng.integers(3))].mean(axis=0)
     half = (PLATE, ROD, (0.05, 0.1, 0.02))[n % 3]
-    axes = Rotation.random(rng=rng).as_matrix()
+    axes = Rotation.random(None, rng).as_matrix()
     away = rng.uniform(0.05, 0.2) + (0.15 if name == "base" else 0.0)
     out = rng.choice((-1.0, 1.0)) * (half[2] + away) * axes[:, 2]
     return Box("box", "obstacle", tuple(point + out), half, Box.rows(axes))

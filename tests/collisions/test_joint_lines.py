@@ -96,7 +96,7 @@ def test_nothing_travels_farther_than_its_bound(size):
         change = rng.uniform(-size, size, 6) * rng.integers(0, 2, 6)
         placed, middle = placed_at(limb, q, change), ends_in_body(q)
         np.testing.assert_allclose(placed["in_body"]["ends"][: len(links)], middle, atol=1e-12)
-        grasp = rigid(Rotation.random(rng=rng).as_matrix(), rng.normal(size=3))
+        grasp = rigid(Rotation.random(None, rng).as_matrix(), rng.normal(size=3))
         in_world = [carried(grasp, q + s * change) for s in SHARES]
         here = carried(grasp, q)
         ends = [ends_in_body(q + s * change) for s in SHARES]

@@ -89,7 +89,7 @@ def test_a_rod_takes_away_the_branches_that_touch_it_and_no_other(small_checked_
         (base, *_), before = configuration(graph, s, rng)[0], graph.branch_sets[s].tolist()
         reached = graph.grasp_map.positions[graph.points[s, limb]] - base
         place = base + rng.uniform(0.3, 1.0) * reached + rng.normal(size=3) * 0.12
-        box = rod(place, Rotation.random(rng=rng).as_matrix(), 0.03, rng.uniform(0.02, 0.2))
+        box = rod(place, Rotation.random(None, rng).as_matrix(), 0.03, rng.uniform(0.02, 0.2))
         expected, whole, about = list(before), False, False
         for i, b in ((i, b) for i in (0, 1) for b in range(8) if before[i] & 0x101 << b):
             near = list(close_to(graph, s, i, b, box))

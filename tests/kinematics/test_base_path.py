@@ -44,7 +44,7 @@ def test_the_way_back_is_the_way_there(seed, off):
 def test_a_departure_moves_the_base_into_the_surface(seed):
     """A limb that departs by some way along the normal sees its base go back by it."""
     (place, axes), rng, s = random_ends(seed)[:2], np.random.default_rng(seed), np.linspace(0, 1, 5)
-    normal, rail, _ = Rotation.random(rng=rng).as_matrix()
+    normal, rail, _ = Rotation.random(None, rng).as_matrix()
     path, grasp = BasePath.row(), grasp_rows(rng.normal(size=(1, 3)), normal, rail, 0.1)[0]
     called(lift_path)(path, pose(place, axes), grasp, 0.07)
     positions, rotations = base_poses(path, s)

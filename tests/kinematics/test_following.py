@@ -64,7 +64,7 @@ def way(rng, size):
     """Base frames along a straight way, as a function of places from -1 to 1."""
     shift, turn = rng.normal(size=3) * size, rng.normal(size=3) * size * rng.integers(0, 2)
     slerp = Slerp([-1.0, 1.0], Rotation.from_rotvec([-0.5 * turn, 0.5 * turn]))
-    where = Rotation.random(rng=rng).as_matrix()
+    where = Rotation.random(None, rng).as_matrix()
     at = rigid(where, rng.normal(size=3))
     return lambda s: at @ rigid(slerp(s).as_matrix(), 0.5 * s * shift), (shift, turn)
 

@@ -39,7 +39,7 @@ def test_relative_rotation_by_half_a_turn(axis):
 
 
 def test_quaternions_are_those_of_scipy():
-    turns = Rotation.random(24, rng=np.random.default_rng(0))
+    turns = Rotation.random(24, np.random.default_rng(0))
     found = quaternion(turns.as_matrix().reshape(4, 6, 3, 3)).reshape(24, 4)
     truth = turns.as_quat(canonical=True, scalar_first=True)
     assert (found[:, 0] >= 0.0).all()
@@ -50,7 +50,7 @@ def test_quaternions_are_those_of_scipy():
 def test_frames_and_vectors():
     rng = np.random.default_rng(1)
     for _ in range(20):
-        position, rotation = rng.normal(size=3), Rotation.random(rng=rng).as_matrix()
+        position, rotation = rng.normal(size=3), Rotation.random(None, rng).as_matrix()
         frame, v, w = pose(position, rotation), rng.normal(size=3), rng.normal(size=3)
         seen = called(seen_from)(frame, triple(v))
         np.testing.assert_allclose(seen, rotation.T @ (v - position), atol=1e-12)

@@ -78,7 +78,7 @@ def test_costs_to_a_goal_are_those_of_another_library(known, cost, monkeypatch):
     goal, pairs, count = goal_at(graph, table, 7, cost), every_pair(table), len(table.points)
     goals = goal.distance(table.base_position.astype(float)) <= goal.tolerance
     weights, charged = cost_weights(goal.cost, table.points), price(table, pairs, goal.cost)
-    matrix = csr_array((charged + 1e-15, (pairs[:, 2], pairs[:, 0])), shape=(count, count))
+    matrix = csr_array((charged + 1e-15, pairs[:, [2, 0]].T.astype(np.int32)), shape=(count, count))
     expected = dijkstra(matrix, indices=np.flatnonzero(goals), min_only=True)
     start = int(np.flatnonzero(np.isfinite(expected))[expected[np.isfinite(expected)].argmax()])
     start_bounds = np.zeros(count)

@@ -53,7 +53,7 @@ def lengths(known, goal, taken, ends=None):
         ends = np.flatnonzero((goal.distance(places) <= goal.tolerance) & ~taken)
     if not len(ends):
         return np.full(len(places), np.inf)
-    net = csr_array((costs, (b, a)), shape=(len(places), len(places)))
+    net = csr_array((costs, np.array([b, a], dtype=np.int32)), shape=(len(places), len(places)))
     return dijkstra(net, indices=ends, min_only=True)
 
 

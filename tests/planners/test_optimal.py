@@ -97,7 +97,7 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
     if cost.prices is not None:
         paid += [price_of(cost, *(truth.states[k].stance for k in ends)) for ends in truth.ends.T]
     weights = np.maximum(paid, 1e-300)
-    steps = csr_array((weights, tuple(truth.ends[::-1])), shape=(count, count))
+    steps = csr_array((weights, truth.ends[::-1].astype(np.int32)), shape=(count, count))
     rng, how, outcomes = np.random.default_rng(0), {"regrasp_price": price}, []
     how["goal_tolerance"] = 0.05
     for _ in range(6):

@@ -31,7 +31,7 @@ def test_mass_matrix_and_kinematics_are_pinocchios(jem, limbs):
     for _ in range(3):
         position, turn, joints = (
             rng.uniform(-1, 1, 3),
-            Rotation.random(rng=rng),
+            Rotation.random(None, rng),
             rng.uniform(-3, 3, (limbs, 6)),
         )
         set_configuration(model, data, position, turn.as_quat(scalar_first=True), joints)

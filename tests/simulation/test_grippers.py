@@ -15,7 +15,7 @@ def boxes_about(points, normals, rng):
     """Turned boxes whose tops are flush with the surface of a point, below it, above it."""
     boxes = []
     for k, (point, normal) in enumerate(zip(points, normals, strict=True)):
-        turn, half = Rotation.random(rng=rng).as_matrix(), rng.uniform(0.01, 0.2, 3)
+        turn, half = Rotation.random(None, rng).as_matrix(), rng.uniform(0.01, 0.2, 3)
         top = np.abs(normal @ turn) @ half
         out = (1.9e-3, 2.1e-3, -0.1, 0.1)[k % 4]
         aside = np.cross(normal, rng.normal(size=3)) * 0.1

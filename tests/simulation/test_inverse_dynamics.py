@@ -17,7 +17,7 @@ def test_torques_and_wrenches_are_pinocchios(limbs, holding):
     model = pinocchio_robot(robot)
     model.gravity.linear[:] = 0.0
     data = model.createData()
-    turns = Rotation.random(count, rng=rng)
+    turns = Rotation.random(count, rng)
     places, joints = rng.uniform(-1, 1, (count, 3)), rng.uniform(-3, 3, (count, 6 * limbs))
     speeds, changes = rng.uniform(-1, 1, (2, 1, count, 6 + 6 * limbs))
     positions = np.column_stack([places, turns.as_quat(scalar_first=True), joints])

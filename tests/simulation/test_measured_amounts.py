@@ -108,7 +108,7 @@ def test_momenta_and_errors_of_the_base_are_measured(simulation, checked_graph, 
     theirs, trajectory = other.createData(), step_trajectory(checked_graph, plan, 0)
     states, sensors, expected = [], [], []
     for k in range(count):
-        turn = Rotation.random(rng=rng)
+        turn = Rotation.random(None, rng)
         position, joints = rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 12)
         data.qpos[:] = [*position, *turn.as_quat(scalar_first=True), *joints]
         data.qvel[:] = rng.uniform(-1, 1, 18)
@@ -196,7 +196,7 @@ def test_a_pose_at_a_displaced_point_is_as_it_was_at_the_point(simulation):
     grippers, rng = simulation._grippers, np.random.default_rng(4)
     point, turn = 5, Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix()
     grippers._turns[point], grippers._positions[point] = turn, rng.normal(size=3)
-    position, rotation = rng.normal(size=3), Rotation.random(rng=rng).as_matrix()
+    position, rotation = rng.normal(size=3), Rotation.random(None, rng).as_matrix()
     found, turned = grippers.displaced_pose(point, position, rotation)
     here = position - simulation.grasp_map.positions[point]
     np.testing.assert_allclose(turn.T @ (found - grippers._positions[point]), here)
@@ -207,7 +207,7 @@ def test_the_module_feels_the_opposite_of_all_grasps(simulation):
     """Force, and torque about the origin, of random loads in the axes of random anchors."""
     rng, instruments = np.random.default_rng(6), simulation._instruments
     forces, torques = rng.normal(size=(2, 4, 2, 3))
-    turns, places = Rotation.random(2, rng=rng), rng.uniform(-3, 3, (2, 3))
+    turns, places = Rotation.random(2, rng), rng.uniform(-3, 3, (2, 3))
     simulation.model.body_pos[instruments._anchors] = places
     simulation.model.body_quat[instruments._anchors] = turns.as_quat(scalar_first=True)
     found = instruments._on_module(forces, torques)

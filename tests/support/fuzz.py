@@ -179,7 +179,7 @@ def given_values():
         State(None, None), State(("deck", 3), (math.nan, [])),
         np.zeros((2, 3)), np.zeros((5, 0)), np.zeros(()), np.full(3, math.nan), np.array("deck"),
         np.array([None, "x"], object), np.array([[1], [2, 3]], object), np.array([1j, 2]),
-        np.array(["a", "b"]), np.zeros(3, dtype=[("x", "f8")]), np.datetime64("NaT"),
+        np.array(["a", "b"]), np.zeros(3, dtype=[("x", "f8")]), np.datetime64("NaT", "s"),
         np.float64(0.5), np.float32(math.nan), np.int64(2), np.uint8(3), np.bool_(True),
         np.str_("deck"),
     ]  # fmt: skip

@@ -120,7 +120,7 @@ def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True, figures
     axes = [np.array([0.0, 0.0, 1.0])] * count
     if rng is not None:
         pose = np.eye(4)
-        pose[:3, :3] = Rotation.random(rng=rng).as_matrix()
+        pose[:3, :3] = Rotation.random(None, rng).as_matrix()
         angles = rng.uniform(-1.5, 1.5, count)
         moved = np.eye(4)
         out = []
@@ -135,7 +135,7 @@ def arm_urdf(frames, seed=None, prefix="", root="base_link", links=True, figures
         mine, axes = [np.eye(4)], []
         for k in range(count):
             loose = np.eye(4)
-            loose[:3, :3] = Rotation.random(rng=rng).as_matrix()
+            loose[:3, :3] = Rotation.random(None, rng).as_matrix()
             sign = rng.choice([-1.0, 1.0])
             place = out[k].copy()
             place[:3, 3] += rng.uniform(-0.1, 0.1) * place[:3, 2]

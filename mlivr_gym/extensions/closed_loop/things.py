@@ -53,7 +53,8 @@ def unknown_things(
             normal = grasp_map.normals[point]
             half = wide - (wide - thin) * np.abs(normal)
             middle = grasp_map.positions[point] + thin * normal
-        box = Box.between(f"thing{len(found)}", "obstacle", middle - half, middle + half)
+        corners = (middle - half).tolist(), (middle + half).tolist()
+        box = Box.between(f"thing{len(found)}", "obstacle", *corners)
         if _is_clear_of(graph, start, box):
             found.append(box)
     raise StanceError(

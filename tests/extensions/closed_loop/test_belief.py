@@ -1,5 +1,7 @@
 """The robot believes in what it sees beside the map, and in nothing else."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -60,12 +62,14 @@ def test_what_is_believed_covers_the_seen_face_of_a_box_and_little_more(seen, pl
     # The extent of hits, which are noise away from the box at most, and the margin.
     margin = CAUTIONS[0].margin
     assert margin < farthest(boxes) <= np.sqrt(3.0) * margin + 5.0 * CAMERA.noise
-    state = belief.graph.state(plan.stances[0])
-    for caution in CAUTIONS[1:]:
+    state, loose = belief.graph.state(plan.stances[0]), boxes
+    for before, caution in pairwise(CAUTIONS):
         assert belief.tighten()
         belief.update_graph(state)
         tight = belief.graph.obstacles
-        assert (len(tight) == len(boxes)) == caution.is_merged
+        if caution.hits == before.hits:  # the same cubes are obstacles
+            assert (len(tight) == len(loose)) == caution.is_merged
+        loose = tight
         # Of the outermost hits, which vary more in single cubes, as these have fewer.
         deviations = (1.5 if caution.is_merged else 2.5) if caution.is_denoised else 5.0
         assert farthest(tight) <= np.sqrt(3.0) * caution.margin + deviations * CAMERA.noise
