@@ -27,8 +27,8 @@ LINK = re.compile(r"(!?)\[([^]]*)\]\((?!https?://|#)([^)\s]+)\)")
 """A relative link or picture of a Markdown page."""
 
 
-TABLES = "nodes-*.npz"
-"""Files of `envs_assets` that the second distribution holds."""
+LARGE = 2_000_000
+"""Size above which the second distribution holds a table [bytes]: those of three and four limbs."""
 
 OF_TABLES = """\
 [build-system]
@@ -119,8 +119,9 @@ def separate_tables(copy: Path, number: str, links: str) -> Path:
     place = copy.with_name(f"mlivr-gym-tables-{number}")
     data = place / "mlivr_gym" / "envs_assets"
     data.mkdir(parents=True)
-    for path in (copy / "envs_assets").glob(TABLES):
-        path.rename(data / path.name)
+    for path in (copy / "envs_assets").glob("table-*.npz"):
+        if path.stat().st_size > LARGE:
+            path.rename(data / path.name)
     (place / "pyproject.toml").write_text(OF_TABLES.format(number=number) + links, "utf-8")
     shutil.copy2(copy / "LICENSE", place)
     return place
