@@ -29,7 +29,7 @@ from mlivr_gym.planners.path_search import PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.table_build import find_table
+from mlivr_gym.stances.table_build import stored_table
 from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.transitions.state import State
 
@@ -96,10 +96,11 @@ class GraphSearcher:
         They are still being built then.
         """
         key, deadline = key_of(graph), search.clock.deadline
-        result_by_deadline(("nodes", key), lambda: find_table(graph), deadline)
-        needs_sets = self.build_sets and graph.searches_sets
-        # An equal graph may have started the thread, which found the table for that one.
-        if needs_sets and graph.table is None and find_table(graph) is None:
+        # A thread finds it, which would wait for the lock of the graph.
+        found = result_by_deadline(("nodes", key), lambda: stored_table(graph), deadline)
+        if found is not None:
+            graph.graph_table = found[1]
+        if self.build_sets and graph.searches_sets and graph.table is None:
             result_by_deadline(("sets", key), graph.sets, deadline)
 
 

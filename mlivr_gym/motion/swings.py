@@ -77,6 +77,8 @@ class SwingFinder:
         ]
         for kind, before, after in self._candidates(folds, above):
             middle = swing_knot(0.0, before, start), swing_knot(1.0, after, end)
+            if _are_same(middle[0], first) and _are_same(middle[1], last):
+                continue  # that is the direct one
             if not self._supports.is_clear(*middle):
                 continue
             away = self._chain_at_rest(first, middle[0], others[0])

@@ -22,10 +22,15 @@ def find_table(graph: StanceGraph) -> tuple[Path | None, GraphTable] | None:
     cannot be used is skipped with a warning, of two limbs when the graph is made.
     """
     with graph.lock:
-        found = TABLES.find(graph, warn=not graph.lists_all)
+        found = stored_table(graph)
         if found is not None:
             graph.graph_table = found[1]
         return found
+
+
+def stored_table(graph: StanceGraph) -> tuple[Path | None, GraphTable] | None:
+    """Return what `find_table` does, without the lock of the graph, which does not use it yet."""
+    return TABLES.find(graph, warn=not graph.lists_all)
 
 
 @checked()

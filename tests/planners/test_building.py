@@ -65,7 +65,7 @@ def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):
         join(thread, timeout)
 
     monkeypatch.setattr(StanceSets, "of", classmethod(slowly))
-    monkeypatch.setattr("mlivr_gym.planners.searches.find_table", lambda graph: None)
+    monkeypatch.setattr("mlivr_gym.planners.searches.stored_table", lambda graph: None)
     planner = Planner(graph)
     goal = np.clip(goal, *graph.grasp_map.cabin)
     monkeypatch.setattr(threading.Thread, "join", joined)

@@ -5,8 +5,8 @@ import pytest
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner, SearchOptions
+from mlivr_gym.stances.node_table_build import build
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_build import build_table
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 
@@ -27,7 +27,7 @@ def lazy(tracks):
 def full(tracks):
     """A graph of which every step was checked."""
     graph = stance_graph(tracks)
-    build_table(graph)
+    graph.graph_table = build(graph)
     return graph
 
 
@@ -56,13 +56,13 @@ def test_limits_of_expansions_and_time_end_it(lazy):
 @pytest.mark.parametrize("blocked", [False, True])
 def test_steps_are_those_over_all_steps_and_few_are_checked(tracks, lazy, full, blocked):
     if blocked:
-        full = stance_graph(tracks)
+        built, full = full.graph_table, stance_graph(tracks)
+        full.graph_table = built
         for graph in (lazy, full):
             graph.add_obstacles([BOX])
             graph.occupy([tracks.ids[4], tracks.ids[20]])
-        build_table(full)
-    assert full.is_complete
-    assert not lazy.is_complete
+    assert full.graph_table.is_exact
+    assert not lazy.graph_table.is_exact
     rng, lengths, checked = np.random.default_rng(1), [], []
     for _ in range(25):
         start = random_state(full, rng)
