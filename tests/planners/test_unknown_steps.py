@@ -6,6 +6,7 @@ import pytest
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.node_table_build import build
+from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.stances.random_states import random_state
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
@@ -18,9 +19,11 @@ def tracks(jem):
 
 
 @pytest.fixture
-def lazy(tracks):
-    """A graph of which nothing is known."""
-    return stance_graph(tracks)
+def lazy(tracks, monkeypatch):
+    """A graph of which nothing is known, though its table may be in the cache folder."""
+    with monkeypatch.context() as patch:
+        patch.setattr(TableFiles, "find", lambda *_, **__: None)
+        return stance_graph(tracks)
 
 
 @pytest.fixture(scope="module")
