@@ -3,9 +3,10 @@
 An interval of the line is checked in its middle: the shapes are placed there, and each distance is
 compared with the radii and the clearance, and with these plus how far the shapes may travel from
 the middle to either end, see `joint_lines`. What is farther apart than the latter is clear on the
-whole interval, however thin it is; what is closer than the former is a collision. What is left
-undecided is compared again on both halves, down to `2^-MOST_HALVINGS` of the line, where it counts
-as a collision. So is an interval on which it is not proved that a limb that holds follows the base.
+whole interval, however thin a box is; what is closer than the former is a collision. What is left
+undecided is compared again on both halves, down to a half length of `2^-MOST_HALVINGS`, where it
+counts as a collision. So is an interval on which it is not proved that a limb that holds follows
+the base.
 
 This one check serves all motions: departures, changes between folds, swings, and supports that
 carry the base or follow it. Of a base that moves straight, limbs are placed once in the middle of
@@ -95,7 +96,7 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
 
 @part
 def check_pending(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
-    """Make the comparisons of the first interval in `scratch`, the whole line; see `check_line`."""
+    """Make the comparisons of the first interval in `scratch`, whole or a part of a line."""
     intervals, top = scratch.intervals, 1
     while top > 0:
         top -= 1

@@ -39,7 +39,7 @@ from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.sizes import MOST_LIMBS
 
 MOST_HALVINGS = 10
-"""An undecided interval of `2^-MOST_HALVINGS` of a line counts as a collision."""
+"""An undecided interval of half length `2^-MOST_HALVINGS` of a line counts as a collision."""
 
 STORED = 32
 """Intervals with smaller numbers are stored for each limb and branch, of a base that moves
@@ -69,7 +69,7 @@ class LineScratch(Record):
     known: Annotated[IntArray, (MOST_LIMBS * BRANCHES, STORED), np.int8]
     """What is known of limbs on each branch in stored intervals."""
     floor: float
-    """Least `|det J|` of limbs that follow [m^3]."""
+    """Least `|det J|` of limbs that follow, in the middles of intervals [m^3]."""
     proof: Following
     """Proof that a limb follows."""
     base: Pose

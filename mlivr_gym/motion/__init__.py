@@ -1,7 +1,10 @@
 """How a plan moves: the joint path of each step, and trajectories in time.
 
-A `Plan` is a sequence of steps, each with the joint path that was checked, which is what is
-executed, exported and drawn.
+A `Plan` is a sequence of steps, each with its joint path, which is what is executed, exported and
+drawn. Three motions of a step are close to each other: the one that was checked, on which supports
+follow a straight base exactly (`transitions.steps`); the knots, taken from it (`straight_base`);
+and the spline of the knots, which is executed (`joint_path`). How far the last is from the first is
+measured in the middles between knots, and the check keeps so much more than the clearance.
 """
 
 from typing import TYPE_CHECKING

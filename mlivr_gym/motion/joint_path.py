@@ -1,7 +1,8 @@
 """Joint paths: the motion of one step, as it is stored, executed, exported and drawn.
 
-**Path.** A joint path is a sequence of *knots*, each the joint angles of all limbs; between two
-knots all of them move on straight lines. The base is no variable of its own: one support limb, the
+**Path.** A joint path is a sequence of *knots*, each the joint angles of all limbs, the control
+points of the spline on which all of them move, see Timing; between two rests with no knot in
+between it is a line. The base is no variable of its own: one support limb, the
 *leader*, carries it. The leader's grasp rests in the world, so that the base is at
 `grasp * FK(q_leader)^-1`. The base pose at the first knot says where the grasp is. Nothing else is
 needed to follow a joint path: neither the map nor inverse kinematics.

@@ -55,8 +55,8 @@ class Step:
     """Indices of the knots at which the robot is at rest: the first and the last, and those between
     departure, parts of the swing, and approach."""
     knots: tuple[tuple[tuple[float, ...], ...], ...] = ()
-    """Knots of the joint path: joint angles of all limbs, which change linearly from one knot to
-    the next [rad]. There are none if steps are not checked and the limbs cannot follow."""
+    """Knots of the joint path: joint angles of all limbs, the control points of their spline [rad].
+    There are none if steps are not checked and the limbs cannot follow."""
 
 
 def step_along(step: Step, path: JointPath, swing: str) -> Step:

@@ -2,8 +2,8 @@
 
 The base moves on the straight way on which the step was checked, and the support limbs follow on
 their branches. How far a line between two knots is from the motion that was checked is measured in
-its middle, by the joint angles there: a turn of a joint moves nothing farther from its axis than
-the arm is long. By how much the grippers of supports slip there is measured by forward kinematics.
+its middle, by the joint angles there: a turn of a joint moves a part by no more than its distance
+from the axis. By how much the grippers of supports slip there is measured by forward kinematics.
 """
 
 from __future__ import annotations
@@ -115,22 +115,27 @@ def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array)
 def dense_knots(
     robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float = KEPT_CLEAR
 ) -> Array:
-    """Return knots of a motion, shape (k, N, 6) [rad], so dense that lines between them are close.
+    """Return knots of a motion, shape (k, N, 6) [rad], so dense that their spline is close to it.
 
-    They are the control points of its spline at equal distances; lines are within `tolerance` [m].
+    They are the control points of the spline where these count most (`control_places`). In the
+    middles between them the robot is within `tolerance` [m] of the motion, unless `MOST_PIECES` are
+    too few for that.
     """
-    rest = JointPath(
-        robot, ends.limb, int(ends.limb == 0), ends.positions[0], ends.rotations[0],
-        ends.joints[:1], (0,),
-    )  # fmt: skip
-    radii, pieces = lever_arms(robot, ends.limb) / tolerance, FEWEST_PIECES
+    leader = int(ends.limb == 0)
+    still = JointPath(
+        robot, ends.limb, leader, ends.positions[0], ends.rotations[0], ends.joints[:1], (0,)
+    )
+    radii, pieces = lever_arms(robot, leader) / tolerance, FEWEST_PIECES
     while True:
         places = control_places(pieces + CUBIC)
         joints = curve(np.sort(np.append(places, 0.5 * (places[1:] + places[:-1]))))
         knots, lines = joints[::2], 0.5 * (joints[2::2] + joints[:-2:2])
-        far = (np.abs(lines - joints[1::2]) * radii).sum(axis=-1).max()
-        # On the spline grippers slip by up to 4 / 3 of what they do on lines.
-        off = max(float(far), float(rest.slips(lines).max()) / (0.5 * HOLD_TOLERANCE))
+        moved = (np.abs(lines - joints[1::2]) * radii).sum(axis=-1)
+        # What a limb does comes on top of where the leader puts the base.
+        far = moved[:, leader] + np.delete(moved, leader, axis=1).max(axis=1)
+        # The spline is off by up to 4 / 3 of what lines are.
+        slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
+        off = max(4.0 / 3.0 * float(far.max()), slip)
         if off <= 1.0 or pieces == MOST_PIECES:
             return knots
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
@@ -167,17 +172,18 @@ def follow(
 
 
 @lru_cache(maxsize=16)
-def lever_arms(robot: RobotSpec, moving: int) -> Array:
-    """Return how far a turn of each joint moves the robot at most, shape (N, 6) [m/rad].
+def lever_arms(robot: RobotSpec, leader: int) -> Array:
+    """Return how far a turn of each joint moves a part of the robot at most, (N, 6) [m/rad].
 
-    The moving limb's joints turn what lies between them and its gripper, those of support limbs the
-    rest of the robot, as far away as its base.
+    The leader's joints turn the rest of the robot, as far from the body's middle as any part may
+    be; those of other limbs what lies between them and their grippers.
     """
     out = np.empty((robot.limbs, 6))
     for limb, arm in enumerate(robot.every_limb):
         steps = np.linalg.norm(arm.steps[:, :3, 3], axis=1)
-        if limb == moving:
-            out[limb] = steps[::-1].cumsum()[::-1] - steps + robot.tool_length
+        if limb == leader:
+            mount = float(np.linalg.norm(robot.mount_positions[limb]))
+            out[limb] = steps.cumsum() + mount + robot.extent
         else:
-            out[limb] = steps.cumsum() + np.linalg.norm(robot.mount_positions[limb])
+            out[limb] = steps[::-1].cumsum()[::-1] - steps + robot.tool_length
     return out

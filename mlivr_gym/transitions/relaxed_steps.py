@@ -1,12 +1,11 @@
-"""Relaxed steps: an upper bound of the branches that a step keeps, whatever the label (compiled).
+"""Relaxed steps: an upper bound of the branches that a step keeps, in less time (compiled).
 
-The branches that `steps` keeps depend on those that the support limbs may be on: of two branches
-that come too close to each other one is removed, and the first swing that serves all is taken. A
-relaxed step removes a branch only if it is not kept beside any swing, whatever branches the other
-limbs are on: what a support is close to alone is proved on the whole way, and what two limbs are
-close to is looked at in the middles of the first intervals. It keeps all that `steps` keeps for any
-label; if it keeps none, there is no step. The step back is relaxed alike, since both are checked
-from the same end.
+Of two branches that come too close to each other `steps` removes one, and takes the first swing
+beside which each support keeps one. A relaxed step removes a branch only if it is not kept beside
+any swing, whatever branches the other limbs are on: what a support is close to alone is proved on
+the whole way, and what two limbs are close to is looked at in the middles of the first intervals.
+So it keeps all that `steps` keeps; if it keeps none, there is no step. The step back is relaxed
+alike, since both are checked from the same end.
 """
 
 from __future__ import annotations

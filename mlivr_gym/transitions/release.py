@@ -307,7 +307,7 @@ def _connected_by_lines(
 ) -> int:
     """Return the largest set of branches of `free` between which a limb can change along lines.
 
-    Among obstacles it is the first branch alone.
+    Among obstacles it is the first branch alone, since the lines were not kept to check them again.
     """
     group = scratch.group
     for a in range(BRANCHES):

@@ -108,7 +108,7 @@ class StepChecks:
         return steps
 
     def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:
-        """Return for which steps the support limbs can move on some way of the base, shape (k,)."""
+        """Return for which steps supports follow in the first middles, as they must, shape (k,)."""
         self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
         return steps["kept"].any(axis=1)
 

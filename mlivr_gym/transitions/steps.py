@@ -56,17 +56,17 @@ FEW = cast(int, np.int64(4))
 """Number of the interval before which middles are looked at first."""
 
 KEPT_CLEAR = 5e-4
-"""How far lines between the knots of what is committed may be from the motion that is checked,
-which keeps so much more than the clearance while the base moves [m]."""
+"""How far what is committed may be from the motion that is checked, which keeps so much more than
+the clearance while the base moves [m]."""
 
 
 @entry
 def check_supports(
     start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any
 ) -> None:
-    """Check whether every support limb may follow the base, for steps from `start` to `stop` - 1.
+    """Look whether every support follows the base in the first middles, as in a step it must.
 
-    This is quick. `StepRecord.kept` is not empty if it may, and has no other meaning.
+    For steps `start` to `stop` - 1. `StepRecord.kept` is not empty if so, and has no other meaning.
     """
     for k in range(start, stop):
         begin(steps[k], context, scratch_rows[0])
@@ -256,7 +256,8 @@ def swing_clear(
 def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
     """Keep what supports keep beside the swing that is set; return whether no other is needed.
 
-    That is so once each of them keeps a branch, of only one support once it keeps all.
+    With several supports that is so once each keeps a branch. With only one it is so once all of
+    its branches are kept, beside this swing or others before.
     """
     robot, world, lines = context.robots[0], context.world, scratch.line
     if not swing_clear(WHOLE, step, robot, world, lines):
@@ -275,8 +276,10 @@ def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> boo
         if scratch.clear_of_swing[i] == EMPTY:
             return False
     _keep(scratch.clear_of_swing, step, robot)
+    if robot.limb_count > 2:
+        return True
     is_all: bool = step.kept[1 - step.limb] == scratch.clear[1 - step.limb]
-    return is_all or robot.limb_count > 2
+    return is_all
 
 
 @kernel

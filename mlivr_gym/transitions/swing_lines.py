@@ -10,7 +10,7 @@ from mlivr_gym.transitions.grasp_poses import lifted_branches, line_end
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 
 TRIES = 8
-"""Maximum number of pairs of branches that are checked for one base path."""
+"""Maximum number of pairs of branches that are checked for a step."""
 
 TIE = 1e-9
 """Difference of lengths up to which lines count as equally long [rad]: the first pair is used."""

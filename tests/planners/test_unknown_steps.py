@@ -6,8 +6,8 @@ import pytest
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.node_table_build import build
-from mlivr_gym.stances.table_files import TableFiles
 from mlivr_gym.stances.random_states import random_state
+from mlivr_gym.stances.table_files import TableFiles
 
 BOX = Box.between("crate", "obstacle", (1.5, -0.2, -0.6), (1.9, 0.2, 0.1))
 
