@@ -155,10 +155,10 @@ def longest_step(table: NodeTable) -> float:
     for column in table.support_sets.T:
         order = np.argsort(column, kind="stable")
         for group in np.split(order, np.flatnonzero(np.diff(column[order])) + 1):
-            if len(group) > 1:
-                away = scipy.spatial.distance.pdist(table.base_position[group])
-                longest = max(longest, float(away.max()))
-    return longest
+            base = table.base_position[group]
+            away = base[:, None] - base
+            longest = max(longest, float(np.einsum("ijk,ijk->ij", away, away).max()))
+    return float(np.sqrt(longest))
 
 
 def connected_parts(table: NodeTable) -> IntArray:
