@@ -39,11 +39,12 @@ unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 # Planner, environment, simulation and files, with what these tests need alone: under five minutes.
+# Without ready-made machine code a test may wait for compilation longer than others may take.
 SHORT := $(addprefix tests/,planners/test_planner.py envs/test_env.py simulation/test_simulator.py \
   motion/test_plan_files.py test_files.py test_arguments.py cli/test_doctor.py)
 
 short: $(VENV)/.short
-	$(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
+	TEST_TIME_LIMIT=900 $(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
 
 # Runs every command and snippet of README, site and examples, and the tests in a browser; says what was skipped and why.
 test-docs: $(VENV)/.dev browser

@@ -141,8 +141,8 @@ class DepthCamera(ParameterSet):
             yield base.xpos + rotation @ lens, image @ rotation.T
         for limb in range(robot.limbs):
             site = model.site(f"limb{limb}/grasp")
-            parts = model.geom_bodyid == int(site.bodyid[0])
-            parts |= model.geom_bodyid == model.body(f"limb{limb}/gripper").id
+            gripper = model.body(f"limb{limb}/gripper")
+            parts = np.isin(model.geom_bodyid, (gripper.id, int(gripper.parentid[0])))
             radius = float(model.geom_size[parts, 0].max()) + LENS_OFFSET
             rotation, position = data.site_xmat[site.id].reshape(3, 3), data.site_xpos[site.id]
             flange = position - robot.tool_length * rotation[:, 2]
