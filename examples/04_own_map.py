@@ -25,7 +25,7 @@ grasp_map = GraspMap.from_dict(
 print(grasp_map)
 
 graph = stance_graph(grasp_map)
-print(len(graph), "stances of", graph.considered, "pairs of points")
+print(len(graph), "stances of", graph.listed.counts["considered"], "pairs of points")
 
 result = Planner(graph).plan(("F0:4", "F1:4"), (2.3, 0.0, 1.4), "steps", goal_face="wall")
 print(result.message)
