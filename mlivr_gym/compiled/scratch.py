@@ -24,6 +24,9 @@ class ScratchPool:
 
         After an error they are not used again, since another thread may still write into them.
         """
-        rows = self._idle.pop() if self._idle else self._kind.rows(MOST_THREADS)
+        try:  # not by asking first: another thread may take the last
+            rows = self._idle.pop()
+        except IndexError:
+            rows = self._kind.rows(MOST_THREADS)
         yield lambda used: rows[:used]
         self._idle.append(rows)

@@ -16,6 +16,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.joint_lines import JointLine
+from mlivr_gym.collisions.places import LineScratch
+from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
@@ -33,6 +35,9 @@ WINDING_SAMPLES = 65
 FEWEST_PIECES, MOST_PIECES = 8, 512
 """Fewest and most pieces of the spline of a segment while the base moves."""
 
+LINES = ScratchPool(LineScratch)
+"""Scratch of `line_clear`, which takes what it does not set to be empty."""
+
 JointCurve = Callable[[Array], Array]
 """Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
@@ -44,8 +49,8 @@ class FollowingSupports:
         """Prepare a step with given ends."""
         self._graph, self._ends, self._path = graph, ends, path_of(ends)
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
-        self._lines, out = graph.checks.line_scratch, Angles.rows(1, graph.limbs)
         self._line = line = JointLine.row()
+        out = Angles.rows(1, graph.limbs)
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
         held_angles(self._robots, base, grasps, branches[:, : graph.limbs].copy(), out)
@@ -69,8 +74,10 @@ class FollowingSupports:
             line["first"]["q"][: len(ends.joints[side])] = ends.joints[side]
             line["last"]["q"][: len(ends.joints[side])] = ends.joints[side]
         line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
-        self._lines[0]["line"] = line
-        return bool(line_clear(limb, self._robots, self._world, self._lines))
+        with LINES.borrowed() as rows:
+            lines = rows(1)
+            lines[0]["line"] = line
+            return bool(line_clear(limb, self._robots, self._world, lines))
 
     def knots(self, a: Array, b: Array) -> Array:
         """Return the knots from one swing knot to the next, shape (k, N, 6) [rad]."""

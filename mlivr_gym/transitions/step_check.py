@@ -7,14 +7,12 @@ stored by the graphs: for two limbs in a table, for more limbs by stance.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.postures.postures import Postures
@@ -48,11 +46,6 @@ class StepChecks:
         """Check steps of the robot of `solver`."""
         self.solver = solver
         self.robots = solver.shapes.rows
-
-    @cached_property
-    def line_scratch(self) -> Any:
-        """Scratch of `steps.line_clear`, a row of `LineScratch`: it is large, so there is one."""
-        return LineScratch.rows(1)
 
     def world(self, obstacles: BoxGrid | None, obstacles_only: bool = False) -> WorldRecord:
         """Return the world that motions are checked against: the map, and obstacles if any.
