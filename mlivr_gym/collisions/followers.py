@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import cast
-
-import numpy as np
-
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import check_line, check_middles
+from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
@@ -23,9 +19,6 @@ from mlivr_gym.compiled.bit_sets import (
 )
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import Pose
-
-WHOLE = cast(int, np.int64(0))
-"""In place of the number of an interval: the whole way is to be proved, not looked at in places."""
 
 
 @kernel
@@ -83,20 +76,6 @@ def compare_with(
 
 
 @kernel
-def is_clear(
-    before: int, robot: RobotModel, grid: BoxGrid, clearance: float, lines: LineScratch
-) -> bool:
-    """Return whether what was selected is clear on the way.
-
-    It is proved on the `WHOLE` way, or else looked at in the middles of the intervals of numbers
-    below `before`.
-    """
-    if before == WHOLE:
-        return check_line(robot, grid, clearance, lines) == CLEAR
-    return check_middles(robot, grid, clearance, before, lines) == CLEAR
-
-
-@kernel
 def followed_branches(
     i: int, branch_set: int, robot: RobotModel, grid: BoxGrid, lines: LineScratch
 ) -> int:
@@ -109,6 +88,6 @@ def followed_branches(
             choose_branch(i, b, branch_set, lines)
             compare_with(lines, EMPTY, NO, EMPTY, (NONE, NONE))
             lines.compared.placed = only(i)
-            follows = check_line(robot, grid, 0.0, lines) == CLEAR
+            follows = check_line(robot, grid, 0.0, WHOLE, lines) == CLEAR
             branch_set = with_flips(follows, i, branch_set, lines)
     return branch_set

@@ -15,7 +15,9 @@ each interval, whatever they are then compared with.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from mlivr_gym.collisions.against_boxes import (
     compare_with_grid,
@@ -59,15 +61,45 @@ HALFWAY = 3
 """Link from which on the travel of a limb that follows is bounded from its grasp, and not from the
 body."""
 
+WHOLE = cast(int, np.int64(0))
+"""In place of the number of an interval: a line is to be proved, not looked at in places."""
+
 FAR = 0.35
 """Travel from which on an interval is halved in any case [m]; affects the speed only."""
 
 
 @kernel
-def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
+def check_line(
+    robot: RobotModel, grid: BoxGrid, clearance: float, before: int, scratch: LineScratch
+) -> int:
     """Check whether the robot keeps the clearance along the line in `scratch`.
 
-    Returns `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
+    It is proved on the `WHOLE` line, or else looked at in the middles of the intervals of numbers
+    below `before`. This is quick, and a line on which there is a collision is not clear. Returns
+    `CLEAR`; `UNDECIDED` if it comes too close to decide; else the cause of the collision.
+    """
+    first, stop = 1, before
+    if before == WHOLE:
+        first = _first_parts(robot, scratch)
+        stop = 2 * first
+    for number in range(first, stop):
+        interval, parts = scratch.intervals[0], 1
+        while 2 * parts <= number:
+            parts *= 2
+        begin_comparing(robot, scratch.compared, interval)
+        interval.number, interval.middle = number, (number - parts + 0.5) / parts
+        interval.half = 0.5 / parts if before == WHOLE else 0.0
+        result = check_pending(robot, grid, clearance, scratch)
+        if result != CLEAR:
+            return result
+    return CLEAR
+
+
+@part
+def _first_parts(robot: RobotModel, scratch: LineScratch) -> int:
+    """Return into how many intervals, a power of two, the line is divided at first.
+
+    Little can be told of all of a long line at once.
     """
     line, most, parts = scratch.line, 0.0, 1
     if line.moves:
@@ -80,33 +112,27 @@ def check_line(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Line
             for j in range(6):
                 turned += abs(line.last[i].q[j] - line.first[i].q[j])
             most = max(most, turned)
-    # Little can be told of all of a long line at once.
     while most > FIRST_TURN * parts:
         parts *= 2
-    for k in range(parts):
-        interval = scratch.intervals[0]
-        begin_comparing(robot, scratch.compared, interval)
-        interval.middle, interval.half = (k + 0.5) / parts, 0.5 / parts
-        interval.number = parts + k
-        result = check_pending(robot, grid, clearance, scratch)
-        if result != CLEAR:
-            return result
-    return CLEAR
+    return parts
 
 
 @part
 def check_pending(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: LineScratch) -> int:
-    """Make the comparisons of the first interval in `scratch`, whole or a part of a line."""
+    """Make the comparisons of the first interval in `scratch`, whole or a part of a line.
+
+    Of a middle alone, whose half length is 0, only a collision can be told.
+    """
     intervals, top = scratch.intervals, 1
     while top > 0:
         top -= 1
         interval = intervals[top]
         result = place_robot(robot, interval, scratch)
-        if result == CLEAR:
+        if result == CLEAR or (result == UNDECIDED and interval.half == 0.0):
             result = _compare(robot, grid, clearance, interval, scratch)
         if result > UNDECIDED:
             return result
-        if result == UNDECIDED:
+        if result == UNDECIDED and interval.half > 0.0:
             if interval.half <= 0.5**MOST_HALVINGS:
                 return UNDECIDED
             _halve(interval, intervals[top + 1])
@@ -126,30 +152,6 @@ def check_around(robot: RobotModel, grid: BoxGrid, clearance: float, scratch: Li
     interval = scratch.intervals[0]
     place_robot(robot, interval, scratch)
     return _compare(robot, grid, clearance, interval, scratch)
-
-
-@kernel
-def check_middles(
-    robot: RobotModel, grid: BoxGrid, clearance: float, count: int, scratch: LineScratch
-) -> int:
-    """Check the line in `scratch` in the middles of its intervals of numbers below `count`.
-
-    Returns the cause of a collision there, or else `CLEAR`. This is quick, and a line on which
-    there is a collision is not clear.
-    """
-    interval, parts = scratch.intervals[0], 1
-    for number in range(1, count):
-        if number == 2 * parts:
-            parts *= 2
-        begin_comparing(robot, scratch.compared, interval)
-        interval.middle, interval.half = (number - parts + 0.5) / parts, 0.0
-        interval.number = number
-        result = place_robot(robot, interval, scratch)
-        if result <= UNDECIDED:
-            result = _compare(robot, grid, clearance, interval, scratch)
-        if result > UNDECIDED:
-            return result
-    return CLEAR
 
 
 @part

@@ -14,7 +14,8 @@ from typing import Any, cast
 
 import numpy as np
 
-from mlivr_gym.collisions.followers import WHOLE, choose_branch
+from mlivr_gym.collisions.followers import choose_branch
+from mlivr_gym.collisions.intervals import WHOLE
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
     EMPTY,

@@ -20,7 +20,7 @@ from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.against_boxes import set_grasp_surface
 from mlivr_gym.collisions.compared import begin_comparing, copy_pending
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
-from mlivr_gym.collisions.intervals import check_around, check_line, check_pending
+from mlivr_gym.collisions.intervals import WHOLE, check_around, check_line, check_pending
 from mlivr_gym.collisions.joint_lines import place_limb
 from mlivr_gym.compiled.bit_sets import (
     BRANCHES,
@@ -194,7 +194,8 @@ def _line_clear(
     for j in range(6):
         line.first[limb].q[j], line.last[limb].q[j] = start.q[j], end.q[j]
     grid = world.boxes if layer == 0 else world.obstacles
-    return check_line(robot, grid, world.thresholds[0].clearance, scratch.line) == CLEAR
+    clearance = world.thresholds[0].clearance
+    return check_line(robot, grid, clearance, WHOLE, scratch.line) == CLEAR
 
 
 @kernel

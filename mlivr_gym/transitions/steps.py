@@ -20,15 +20,15 @@ from typing import Any, cast
 
 import numpy as np
 
+from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import (
-    WHOLE,
     choose_branch,
     compare_with,
     forget,
-    is_clear,
     set_follower,
     with_flips,
 )
+from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
@@ -127,18 +127,18 @@ def begin(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
 def stays_clear(
     before: int, layer: int, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
-    """Return whether what was selected is clear in a layer of the world, see `is_clear`."""
+    """Return whether what was selected is clear in a layer of the world; see `check_line`."""
     grid, clearance = world.boxes if layer == 0 else world.obstacles, world.thresholds[0].clearance
     if lines.line.moves:
         clearance += KEPT_CLEAR
-    return is_clear(before, robot, grid, clearance, lines)
+    return check_line(robot, grid, clearance, before, lines) == CLEAR
 
 
 @kernel
 def follow(before: int, step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
     """Keep the branches on which supports follow, whatever they are close to.
 
-    For `before` see `is_clear`. Returned is whether each support keeps one.
+    For `before` see `check_line`. Returned is whether each support keeps one.
     """
     robot, lines = context.robots[0], scratch.line
     for i in range(robot.limb_count):
@@ -243,7 +243,7 @@ def set_swing_line(pair: int, step: StepRecord, scratch: StepScratch) -> None:
 def swing_clear(
     before: int, step: StepRecord, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
-    """Return whether the limb that moves is clear of all but other limbs; see `is_clear`."""
+    """Return whether the limb that moves is clear of all but other limbs; see `check_line`."""
     for layer in range(world.stop):
         itself = only(step.limb) if layer == 0 else EMPTY
         compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))
@@ -286,7 +286,7 @@ def _serves(step: StepRecord, context: StepContext, scratch: StepScratch) -> boo
 def are_apart(
     before: int, i: int, j: int, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
-    """Return whether two limbs stay clear of each other; see `is_clear`."""
+    """Return whether two limbs stay clear of each other; see `check_line`."""
     compare_with(lines, EMPTY, NO, EMPTY, (i, j))
     return stays_clear(before, 0, robot, world, lines)
 
@@ -348,12 +348,17 @@ def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
     robot, lines = robots[0], rows[0]
     for i in range(robot.limb_count):
         forget(i, lines.line.branch[i] if i != moving else EMPTY, lines)
-    for layer in range(world.stop):
-        itself = only(moving) if layer == 0 else EMPTY
-        compare_with(lines, only(moving), NO, itself, (NONE, NONE))
+    # Boxes of the map, obstacles, then the other limbs.
+    for k in range(world.stop + robot.limb_count):
+        other = k - world.stop
+        if other == moving:
+            continue
+        layer = k if other < 0 else 0
+        if other < 0:
+            itself = only(moving) if layer == 0 else EMPTY
+            compare_with(lines, only(moving), NO, itself, (NONE, NONE))
+        else:
+            compare_with(lines, EMPTY, NO, EMPTY, (moving, other))
         if not stays_clear(WHOLE, layer, robot, world, lines):
-            return False
-    for i in range(robot.limb_count):
-        if i != moving and not are_apart(WHOLE, moving, i, robot, world, lines):
             return False
     return True

@@ -22,7 +22,7 @@ from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.followers import choose_branch, set_follower
-from mlivr_gym.collisions.intervals import check_line
+from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.base_path import base_path, base_poses, set_path
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
@@ -69,7 +69,7 @@ def are_compared(name):
 
 
 def answer(scratch, clearance, boxes=()):
-    return called(check_line)(SHAPES.robot, box_grid(boxes), clearance, scratch)
+    return called(check_line)(SHAPES.robot, box_grid(boxes), clearance, WHOLE, scratch)
 
 
 def random_line(rng, name, size, shares=SHARES):

@@ -14,7 +14,7 @@ from joint_lines import line_scratch
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import check_line
+from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.transitions.departures import Departure, departure_of
@@ -87,7 +87,7 @@ class PlainChecks:
             surface["applies"], surface["point"] = True, grasp["point"]
             surface["normal"] = grasp["normal"]
         boxes, clearance = self.checks.solver.boxes, float(self.limits["clearance"])
-        return called(check_line)(self.robot, boxes, clearance, scratch) == CLEAR
+        return called(check_line)(self.robot, boxes, clearance, WHOLE, scratch) == CLEAR
 
     def grasp(self, s, limb):
         return self.grasps[self.stances.points[s, limb]]

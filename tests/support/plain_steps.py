@@ -1,7 +1,7 @@
 """The check of a step, written to be read: sets, lists and loops.
 
-Whether one motion is clear is asked of `intervals.check_line`, and a place of it of
-`intervals.check_middles`, which are compared elsewhere; which motions there are, and which branches
+Whether one motion is clear, or places of it, is asked of `intervals.check_line`, which is compared
+elsewhere; which motions there are, and which branches
 an edge keeps, is said here over what `plain_checks` says of releases.
 """
 
@@ -14,7 +14,7 @@ from plain_checks import branches, line_end, members, on
 
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import choose_branch, set_follower
-from mlivr_gym.collisions.intervals import check_line, check_middles
+from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.kinematics.base_path import set_path
 from mlivr_gym.transitions.relaxed_steps import MIDDLES
@@ -81,12 +81,8 @@ class PlainStep:
         for name, value in compared.items():
             scratch["compared"][name] = value
         clearance = float(plain.limits["clearance"]) + KEPT_CLEAR
-        arguments = plain.robot, plain.checks.solver.boxes, clearance
-        if whole:
-            clear = called(check_line)(*arguments, scratch) == CLEAR
-        else:
-            clear = called(check_middles)(*arguments, MIDDLES, scratch) == CLEAR
-        if not clear:
+        arguments = plain.robot, plain.checks.solver.boxes, clearance, WHOLE if whole else MIDDLES
+        if called(check_line)(*arguments, scratch) != CLEAR:
             return None
         return {i: {f for f in (0, 1) if int(line["flips"][i]) >> f & 1} for i in standing}
 
