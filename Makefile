@@ -39,12 +39,11 @@ unit: $(VENV)/.dev
 	$(BIN)/pytest --numprocesses auto --dist loadfile
 
 # Planner, environment, simulation and files, with what these tests need alone: under five minutes.
-# Without ready-made machine code a test may wait for compilation longer than others may take.
 SHORT := $(addprefix tests/,planners/test_planner.py envs/test_env.py simulation/test_simulator.py \
   motion/test_plan_files.py test_files.py test_arguments.py cli/test_doctor.py)
 
 short: $(VENV)/.short
-	TEST_TIME_LIMIT=900 $(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
+	$(BIN)/pytest --numprocesses auto --dist loadfile $(SHORT)
 
 # Runs every command and snippet of README, site and examples, and the tests in a browser; says what was skipped and why.
 test-docs: $(VENV)/.dev browser
@@ -103,7 +102,7 @@ compare: $(VENV)/.dev
 	$(BIN)/python experiments/unknown_map.py
 	$(BIN)/python experiments/readme.py
 
-# Ready-made machine code for one Python, in envs_assets/; for another: make kernels PYTHON=python3.12 VENV=.venv312
+# Ready-made machine code for one Python, in envs_assets/, where Git ignores it.
 kernels: $(VENV)/.core
 	$(BIN)/python experiments/ready_made.py
 
@@ -111,10 +110,9 @@ kernels: $(VENV)/.core
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 
-# Wheel and sdist, in dist/, with a README whose links work on a package index; see CONTRIBUTING.md.
-release: $(VENV)/.core
-	$(BIN)/python experiments/ready_made.py --check
-	$(PIP) build
+# Wheels and sdists, in dist/, with a README whose links work on a package index; see CONTRIBUTING.md.
+release: kernels
+	$(PIP) build wheel
 	$(BIN)/python .ci/release.py --repository $(REPOSITORY)
 
 $(VENV)/bin/python:

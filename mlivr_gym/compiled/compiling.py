@@ -63,7 +63,7 @@ class Compilation(event.Listener):
             why = found if isinstance(found, str) else f"it has no {self.names[0]} of these sources"
             print(
                 f"{clear}mlivr-gym: compiling for this machine, once for this version, which may "
-                f"take minutes; the machine code in the package is not used: {why}",
+                f"take a minute; no ready-made machine code is used: {why}",
                 file=sys.stderr,
                 flush=True,
             )

@@ -1,4 +1,4 @@
-"""Machine code that ships with the package, an archive that saves the compilation on first use.
+"""Machine code that ships in some wheels, an archive that saves the compilation on first use.
 
 Numba caches machine code for the exact processor on which it was compiled, so its cache cannot be
 used on another machine. The archive is compiled for a generic processor. It is used on every
@@ -72,7 +72,7 @@ def archive() -> zipfile.ZipFile | str:
         made_for, features = description["for"], description["features"]
         differ = [name for name, value in here.items() if made_for[name] != value]
     except FileNotFoundError:
-        return f"the package has none for {here['Python']}"
+        return f"this installation has none for {here['Python']}"
     except Exception as error:  # an altered file may cause any error
         return _damaged(error)
     has = llvmlite.binding.get_host_cpu_features()

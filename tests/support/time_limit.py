@@ -5,7 +5,7 @@ import os
 import signal
 from contextlib import contextmanager
 
-MOST = float(os.environ.get("TEST_TIME_LIMIT", "240"))
+MOST = float(os.environ.get("TEST_TIME_LIMIT", "900"))
 """Seconds that a test and what it sets up may take; the first of a run compiles machine code."""
 
 AGES = 1e6
