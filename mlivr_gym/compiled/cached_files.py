@@ -18,7 +18,7 @@ from typing import NamedTuple
 from mlivr_gym.compiled.cache import cache_folder, kernel_root
 
 TABLES = {
-    "table of a stance graph": r"(table|nodes|pairs|steps)-[0-9a-f]+(-\w+)?"
+    "table of a stance graph": r"(table|stances|nodes|pairs|steps)-[0-9a-f]+(-\w+)?"
     r"\.(npz|npy|xz)(\.checked)?",
     "sets of points within reach": r"sets-[0-9a-f-]+\.npz",
     "part of a table that was not finished": r"parts-[0-9a-f-]+",

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, checked
+from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.always_close import told_always_close
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.errors import RobotError
@@ -19,8 +20,12 @@ from mlivr_gym.stances.node_edges import EdgeSet, NodePair, count_node_pairs, wi
 from mlivr_gym.stances.node_table import is_exact
 from mlivr_gym.stances.node_table_build import table_of_listed
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
-from mlivr_gym.stances.table_file import TABLES
+from mlivr_gym.stances.table_file import LISTED, TABLES
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
+
+LEAST_STORED = 10_000
+"""Number of pairs of points from which on the stances of a graph are stored in the cache folder: to
+compute those of the JEM takes a second, to read them a hundredth."""
 
 REMOVED = {"self": (SELF,), "cabin": (CABIN, OBSTACLE), "handrail": (HANDRAIL,)}
 """Causes of collisions that remove a stance from the graph; obstacles are here those of the map."""
@@ -65,6 +70,21 @@ def list_stances(graph: StanceGraph) -> None:
     if found is not None:
         graph.graph_table = found[1]
         return
+    stored = LISTED.find(graph) if len(graph.pairs) >= LEAST_STORED else None
+    points, listed = stored[1] if stored else _computed(graph)
+    if stored is None and len(graph.pairs) >= LEAST_STORED:
+        LISTED.cache(graph, (points, listed))
+    # Until they are checked, limbs are taken to be released on every branch, and steps to keep all.
+    sets = listed.postures.branch_sets
+    table = table_of_listed(points, listed.postures, sets, np.zeros_like(sets))
+    pairs = count_node_pairs(table, NodePair.before(table, 0), len(table.offset) - 1)
+    every, none = np.ones(pairs, dtype=np.bool_), np.zeros(pairs, dtype=np.bool_)
+    nodes = with_edges(table, EdgeSet(every, none, np.zeros(0, dtype=np.uint64)))
+    graph.graph_table = GraphTable(nodes, not graph.settings.transitions, listed)
+
+
+def _computed(graph: StanceGraph) -> tuple[IntArray, ListedStances]:
+    """Return the points of all stances, shape (n, N), and what is known of them, computed anew."""
     postures = graph.postures(graph.pairs)
     node = graph.is_node(postures)
     clear, w_b = postures.cause == CLEAR, postures.w_b
@@ -72,14 +92,8 @@ def list_stances(graph: StanceGraph) -> None:
     no_departure = (stuck & (postures.w_m >= graph.limb_threshold).all(axis=1)).sum()
     counts = [len(graph.pairs), int(postures.reachable.sum()), int(no_departure)]
     counts += [int(np.isin(postures.cause[~node], causes).sum()) for causes in REMOVED.values()]
-    listed = ListedStances(postures.take(node), dict(zip(COUNTS, counts, strict=True)))
-    # Until they are checked, limbs are taken to be released on every branch, and steps to keep all.
-    sets = listed.postures.branch_sets
-    table = table_of_listed(graph.pairs[node], listed.postures, sets, np.zeros_like(sets))
-    pairs = count_node_pairs(table, NodePair.before(table, 0), len(table.offset) - 1)
-    every, none = np.ones(pairs, dtype=np.bool_), np.zeros(pairs, dtype=np.bool_)
-    nodes = with_edges(table, EdgeSet(every, none, np.zeros(0, dtype=np.uint64)))
-    graph.graph_table = GraphTable(nodes, not graph.settings.transitions, listed)
+    named = dict(zip(COUNTS, counts, strict=True))
+    return graph.pairs[node], ListedStances(postures.take(node), named)
 
 
 def in_same_world(
