@@ -1,28 +1,28 @@
 """Measure what the first use of an installation compiles and how long it takes, for each path.
 
-    python experiments/start_up.py [--out results]
+    python experiments/start_up.py [--newest PYTHON] [--out results]
 
-A path is a command or a short program. Each path runs in new processes twice: with empty caches and
-the ready-made machine code, and again with everything cached. The paths of `COMPILED_TOO` also run
-with empty caches and without the ready-made code, which takes a minute each. Counted are the
-compiled functions; measured are wall-clock and processor time, and the load of the machine is
-reported. Bytecode of the package exists, as after `pip install`. Writes `start_up.json` and
-`start_up.md` in some minutes.
+A path is a command or a short program. The package is installed into a fresh environment of the
+Python that runs this, with the versions in `constraints.txt`, and into one of the newest Python
+that is found, with the newest versions. There each path runs twice in new processes: with an empty
+cache, so that all it needs is compiled, and again. Counted are the compiled functions; measured are
+wall-clock and processor time and the peak memory of a process, and the load of the machine is
+reported. A unit is the time in which the kernel of one search is compiled. Writes `start_up.json`
+and `start_up.md` in a quarter of an hour for each Python.
 """
 
 from __future__ import annotations
 
-import compileall
+import json
 import os
-import platform
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numba
 from reports import NOTHING, ROOT, experiment, table
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
@@ -91,30 +91,46 @@ PATHS = {
 }
 """Commands and programs by name."""
 
-COMPILED_TOO = ("plan",)
-"""Paths that are also measured without ready-made code."""
+ON_NEWEST = ("plan", "base cost", "environment", "simulate", "three limbs", "four limbs")
+"""Paths that are also measured with the newest Python."""
 
 WITHOUT_NUMBA = ("help",)
 """Paths that compile nothing; counting compilations would import Numba."""
 
 COUNTER = """
-import atexit, os
+import atexit, json, os, time
 from numba.core import event
 compiled = event.RecordingListener()
 event.register("numba:compile", compiled)
 def write_count():
+    began, unit = {}, 0.0
+    for at, one in compiled.buffer:
+        name = one.data["dispatcher"].py_func.__qualname__
+        if one.is_start:
+            began[name] = at
+        elif one.data["dispatcher"].py_func.__module__ == "mlivr_gym.planners.label_search":
+            unit = at - began[name] if name == "_search" else unit
+    try:
+        import resource
+        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    except ImportError:
+        memory = 0.0
     with open(os.environ["COUNTED"], "a") as file:
-        file.write(f"{len(compiled.buffer) // 2}\\n")
+        file.write(json.dumps([len(compiled.buffer) // 2, unit, memory]) + "\\n")
 atexit.register(write_count)
 """
-"""Code that each process runs at its start; at its end it writes how many functions it compiled."""
+"""Code that each process runs at its start; at its end it writes how many functions it compiled,
+how long the search took of these [s], and its peak memory [MB]."""
 
 
-def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
-    """Run a path of `PATHS`; return the number of compiled functions and its times [s].
+def run(
+    path: str, cache: Path, python: str = "", root: Path | None = ROOT, **variables: str
+) -> dict[str, float]:
+    """Run a path of `PATHS`; return the number of compiled functions, times [s] and memory [MB].
 
-    `cache` is the folder of machine code and tables; `variables` are further environment variables.
-    A path that fails raises `RuntimeError`.
+    `cache` is the folder of machine code and tables; `python` another Python, in whose environment
+    the package is installed, or lies in `root`; `variables` are further environment variables. A
+    path that fails raises `RuntimeError`.
     """
     given = PATHS[path]
     words = given.removeprefix("mlivr-gym").split()
@@ -126,78 +142,119 @@ def run(path: str, cache: Path, **variables: str) -> dict[str, float]:
         if path not in WITHOUT_NUMBA:
             Path(folder, "sitecustomize.py").write_text(COUNTER, encoding="utf-8")
         here = {CACHE_VARIABLE: str(cache), "COUNTED": str(counted)}
-        here["PYTHONPATH"] = os.pathsep.join([folder, str(ROOT)])
+        here["PYTHONPATH"] = os.pathsep.join([folder, *([str(root)] if root else [])])
         unset = ("NUMBA_", "PYTHONDONTWRITEBYTECODE")
         environment = {k: v for k, v in os.environ.items() if not k.startswith(unset)}
         began, before = time.perf_counter(), os.times()
         done = subprocess.run(
-            [sys.executable, *command], cwd=work, env=environment | here | variables,
+            [python or sys.executable, *command], cwd=work, env=environment | here | variables,
             capture_output=True, text=True, check=False,
         )  # fmt: skip
         spent, after = time.perf_counter() - began, os.times()
         if done.returncode:
             raise RuntimeError(f"{path}: {done.stderr[-2000:]}")
-        functions = sum(map(int, counted.read_text(encoding="utf-8").split()))
+        lines = counted.read_text(encoding="utf-8").splitlines()
+        functions, units, memory = zip(*map(json.loads, lines), strict=True) if lines else [[0]] * 3
     used = after.children_user + after.children_system
     return {
-        "functions": functions,
+        "functions": sum(functions),
+        "unit": round(max(units), 2),
         "wall": round(spent, 2),
         "processor": round(used - before.children_user - before.children_system, 2),
+        "memory": round(max(memory)),
     }
 
 
-def measured(path: str) -> dict[str, dict[str, float]]:
-    """Measure a path with ready-made code, again with caches, and some with nothing ready.
+VERSIONS = """
+import json, platform
+from importlib.metadata import version
+print(json.dumps({"Python": platform.python_version()} | {
+    name: version(name.lower()) for name in ("Numba", "NumPy", "SciPy", "MuJoCo", "Gymnasium")}))
+"""
 
-    With a processor named in `NUMBA_CPU_NAME`, ready-made code of another one is not used; the
-    features of the processor remain those of the machine.
-    """
-    with tempfile.TemporaryDirectory() as first, tempfile.TemporaryDirectory() as second:
-        found = {"ready-made": run(path, Path(first)), "again": run(path, Path(first))}
-        if path in COMPILED_TOO:
-            found["compiled"] = run(path, Path(second), NUMBA_CPU_NAME="generic")
-    return found
+
+def installed(python: str, folder: Path, constraints: Path | None) -> str:
+    """Install the package into a new environment in a folder; return its Python."""
+    subprocess.run([python, "-m", "venv", str(folder)], check=True)
+    made = str(next(folder.glob("*/python*")))
+    limits = ["--constraint", str(constraints)] if constraints else []
+    command = [made, "-m", "pip", "install", "--quiet", *limits, str(ROOT)]
+    subprocess.run(command, check=True)
+    return made
+
+
+def measured(python: str, paths: Sequence[str]) -> dict[str, Any]:
+    """Measure paths with the package installed for a Python, with an empty cache and again."""
+    found, loads = dict[str, Any](), list[float]()
+    versions = subprocess.run([python, "-c", VERSIONS], capture_output=True, text=True, check=True)
+    for path in paths:
+        with tempfile.TemporaryDirectory() as cache:
+            first, again = (run(path, Path(cache), python, root=None) for _ in range(2))
+        found[path] = {"first": first, "again": again}
+        loads.append(os.getloadavg()[0])
+        print(path, found[path], flush=True)
+    unit = max(one["first"]["unit"] for one in found.values())
+    return {
+        "versions": json.loads(versions.stdout),
+        "load": max(loads) - 1.0,
+        "unit": unit,
+        "paths": found,
+    }
 
 
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
-    rows, commands = [], []
-    for path, found in data["paths"].items():
-        times = {how: f"{one['wall']:.1f}, {one['processor']:.1f}" for how, one in found.items()}
-        ready, compiled = found["ready-made"]["functions"], found.get("compiled", {})
-        cells = [path, ready, times["ready-made"], times["again"]]
-        rows.append([*cells, compiled.get("functions", NOTHING), times.get("compiled", NOTHING)])
-        if PATHS[path].startswith("mlivr-gym"):
-            commands.append(f"* {path}: `{PATHS[path]}`\n")
+    parts, commands = [], []
+    for one in data["pythons"]:
+        rows = []
+        for path, found in one["paths"].items():
+            first, again = found["first"], found["again"]
+            times = [f"{run['wall']:.1f}, {run['processor']:.1f}" for run in (first, again)]
+            units = f"{first['wall'] / one['unit']:.1f}"
+            memory = max(first["memory"], again["memory"]) or NOTHING
+            rows.append([path, first["functions"], times[0], units, times[1], memory])
+        versions = ", ".join(f"{name} {number}" for name, number in one["versions"].items())
+        head = "path | functions | first [s] | units | again [s] | memory [MB]"
+        parts.append(
+            f"## Python {one['versions']['Python']}\n\n{versions}; a unit is {one['unit']:.1f} s; "
+            f"other programs ran at a load of {max(one['load'], 0.0):.1f}.\n\n{table(head, rows)}"
+        )
+    for path, given in PATHS.items():
+        if given.startswith("mlivr-gym"):
+            commands.append(f"* {path}: `{given}`\n")
     return f"""# First use of an installation
 
-Made by `experiments/start_up.py`. Number of functions that are compiled, and wall-clock and
-processor time: with empty caches and the ready-made machine code, once more, and, where measured,
-with empty caches and everything compiled on the machine.
+Made by `experiments/start_up.py` on {data["cores"]} cores: `pip install .` into a fresh
+environment, with the versions of `constraints.txt` for the oldest Python and the newest versions
+for the newest one. Number of functions that are compiled with an empty cache, wall-clock and
+processor time then, the former also in units of the time that one search kernel takes to compile,
+both times once more, and the peak memory of a process. A wheel with machine code for its Python
+compiles none of this.
 
-Measured on {data["machine"]}, while other programs ran at a load of {max(data["load"], 0.0):.1f}.
-
-{table("path | functions | first [s] | again [s] | all compiled | [s]", rows)}
+{chr(10).join(parts)}
 The commands are:
 
 {"".join(commands)}"""
 
 
-def all_measured() -> dict[str, Any]:
-    """Measure all paths, with the load of the machine."""
+def all_measured(newest: str) -> dict[str, Any]:
+    """Measure all paths with this Python, and some with the newest one."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    python, loads, paths = platform.python_version(), list[float](), {}
-    compileall.compile_dir(ROOT / "mlivr_gym", quiet=2)
-    for path in PATHS:
-        paths[path] = measured(path)
-        loads.append(os.getloadavg()[0])
-        print(path, paths[path], flush=True)
-    return {
-        "machine": f"{cores} cores, Python {python}, Numba {numba.__version__}",
-        "load": max(loads) - 1.0,
-        "paths": paths,
-    }
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        oldest = installed(sys.executable, Path(folder, "oldest"), ROOT / "constraints.txt")
+        found.append(measured(oldest, list(PATHS)))
+        if newest:
+            python = installed(newest, Path(folder, "newest"), None)
+            found.append(measured(python, ON_NEWEST))
+    return {"cores": cores, "pythons": found}
+
+
+def newest_python() -> str:
+    """Return the newest Python that is found, `""` if none is newer than this one."""
+    command = [sys.executable, str(ROOT / ".ci" / "newest.py")]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
 
 
 if __name__ == "__main__":
-    experiment("start_up", __doc__, all_measured, markdown)
+    experiment("start_up", __doc__, all_measured, markdown, newest=newest_python())
