@@ -53,6 +53,9 @@ HEADER = 1 << 16
 SIZES_FIELD = 20
 """Length of the zip field with the sizes of a member [bytes]."""
 
+LARGE = 100e6
+"""Size from which on a file is told when it is stored in the cache folder [bytes]."""
+
 CHECKED = ".checked"
 """End of the name of the file that says with which size and time a mapped file was checked."""
 
@@ -179,6 +182,10 @@ class TableFiles(Generic[Table]):
         except (OSError, FileError) as error:
             logging.getLogger(__name__).warning("the table is not stored: %s", error)
             return None
+        size = path.stat().st_size
+        if size > LARGE:
+            text = "stored %s, %.0f MB; see `mlivr-gym cache`"
+            logging.getLogger(__name__).warning(text, path, size / 1e6)
         return path
 
     def pack(self, graph: CheckedSteps, arrays: Arrays, compression: int) -> bytes:
