@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from reports import CORES, experiment, study_rows, table
+from reports import CORES, NOTHING, experiment, study_rows, table
 
 from mlivr_gym.cli.table1 import Start, row_of
 from mlivr_gym.errors import StanceError
 from mlivr_gym.paper import CASES, MODES, PAPER, case_graph, relations
-from mlivr_gym.planners import Planner, SearchOptions
+from mlivr_gym.planners import Plan, Planner, SearchOptions
 
 LEAST = 3.0
 """Minimum distance of the goal from the base at the start [m]."""
@@ -29,6 +29,7 @@ HEURISTICS = {"faithful": "paper", "steps": "relaxed", "collisions": "relaxed"}
 FORMS = (
     ("steps", ".0f", 1.0),
     ("base_translation", ".2f", 1.0),
+    ("way", ".3f", 1.0),
     ("expanded", ".0f", 1.0),
     ("backward", ".0f", 1.0),
     ("time", ".1f", 1e3),
@@ -82,13 +83,25 @@ def pair(task: int) -> dict[str, Any]:
                 )  # fmt: skip
             except StanceError:
                 found = None
-            out[mode][str(case)] = row_of(found.plan) if found and found.plan else None
+            out[mode][str(case)] = values_of(found.plan, mode) if found and found.plan else None
     best = planner_of(2, "faithful", 0)
     optimal = best.plan(
         start.stance, goal, "base", goal_face="overhead", start_pose=start.pose_for(best.graph)
     )
     out["optimal"] = optimal.plan.base_translation if optimal.plan else None
     return out
+
+
+def values_of(plan: Plan, mode: str) -> dict[str, Any]:
+    """Return the values of a plan, and the length of its base's way by that of the chords.
+
+    Steps that were not checked have no way.
+    """
+    if mode == "faithful":
+        return row_of(plan)
+    paths = [plan.joint_path(k) for k in range(len(plan.steps))]
+    chords = sum(path.base_chord for path in paths)
+    return row_of(plan) | {"way": sum(path.base_length for path in paths) / chords}
 
 
 def spread(values: Sequence[float]) -> list[float]:
@@ -103,7 +116,9 @@ def summary(answers: list[dict[str, Any]]) -> dict[str, Any]:
         out["modes"][mode] = {}
         for case in map(str, CASES):
             rows = [a[mode][case] for a in answers if a[mode][case]]
-            figures = {name: spread([row[name] for row in rows]) for name, *_ in FORMS}
+            figures = {
+                name: spread([row[name] for row in rows if name in row]) for name, *_ in FORMS
+            }
             out["modes"][mode][case] = {"plans": len(rows)} | figures
         whole = [a[mode] for a in answers if all(a[mode].values())]
         by_pair = [relations({int(k): row for k, row in rows.items()}) for rows in whole]
@@ -134,7 +149,10 @@ def measured(pairs: int, workers: int) -> dict[str, Any]:
     return {"statistics": summary(study_rows("table1_statistics:pair", pairs, workers))}
 
 
-ROWS = "case | mode | plans | steps | base translation [m] | explored | backward | query [ms]"
+ROWS = (
+    "case | mode | plans | steps | base translation [m] | way / chord | explored | backward | "
+    "query [ms]"
+)
 
 
 def markdown(data: dict[str, Any]) -> str:
@@ -145,8 +163,8 @@ def markdown(data: dict[str, Any]) -> str:
         for mode, by_case in found["modes"].items():
             cells = []
             for name, form, scale in FORMS:
-                low, middle, high = (format(scale * value, form) for value in by_case[case][name])
-                cells.append(f"{middle} ({low} to {high})")
+                values = [format(scale * value, form) for value in by_case[case][name]]
+                cells.append("{1} ({0} to {2})".format(*values) if values else NOTHING)
             rows.append([case, MODES[mode].title, by_case[case]["plans"], *cells])
     held = found["relations"]
     shares = [
@@ -160,8 +178,9 @@ def markdown(data: dict[str, Any]) -> str:
 
 Made by `experiments/table1_statistics.py`. {found["pairs"]} random walks from the deck to the \
 overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Values \
-are medians, with the 10th and 90th percentile in brackets. Heuristics: the paper's in the \
-paper-faithful mode, `relaxed` in the others, whose backward search is counted separately.
+are medians, with the 10th and 90th percentile in brackets. Base translation is measured along \
+the chords of the steps; "way / chord" is the length of the way of the base by that of its chords. \
+Heuristics: the paper's in the paper-faithful mode, `relaxed` in the others, whose backward search is counted separately.
 
 {table(ROWS, rows)}
 Share of the pairs with plans in all cases for which a relation holds ({whole}):
