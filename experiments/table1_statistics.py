@@ -180,7 +180,8 @@ Made by `experiments/table1_statistics.py`. {found["pairs"]} random walks from t
 overhead, at least {LEAST:g} m from base to goal, both limbs on the overhead at the end. Values \
 are medians, with the 10th and 90th percentile in brackets. Base translation is measured along \
 the chords of the steps; "way / chord" is the length of the way of the base by that of its chords. \
-Heuristics: the paper's in the paper-faithful mode, `relaxed` in the others, whose backward search is counted separately.
+Heuristics: the paper's in the paper-faithful mode, `relaxed` in the others, whose backward \
+search is counted separately.
 
 {table(ROWS, rows)}
 Share of the pairs with plans in all cases for which a relation holds ({whole}):

@@ -8,7 +8,7 @@
   same for three and four limbs on small maps.
 * `clearance`: coal measures the distances along steps past obstacles.
 * `collisions`: MuJoCo and coal check stances, steps and plans that are called free, and count what
-  is called blocked.
+  is called blocked; `motions`: the motions of steps of five robots.
 
 Options set the size of each part. Writes `truth.json` and `truth.md`.
 """
@@ -20,6 +20,7 @@ from typing import Any
 
 from reports import CORES, counted, experiment, table
 from truth_collisions import study_clearance, study_collisions
+from truth_motions import study_motions
 from truth_walks import study_execution, study_optimality, study_small_maps, study_walks
 
 from mlivr_gym.collisions import ALLOWED_COLLISIONS
@@ -80,12 +81,10 @@ clearance is {1000 * part["clearance"]:g} mm:
 
 def collisions_text(part: Part) -> str:
     """Return the paragraphs on stances, steps and plans against MuJoCo and coal."""
-    stances, steps, plans = part["stances"], part["steps"], part["plans"]
+    stances, plans = part["stances"], part["plans"]
     checked = [
         ["random stances called free, on random branches of those allowed", stances["free"],
          stances["free_penetrating"]],
-        ["random steps called free, sampled",
-         f"{steps['free']} ({steps['configurations']} configurations)", steps["penetrating"]],
         ["random plans, sampled",
          f"{plans['plans']} ({plans['steps']} steps, {plans['configurations']} configurations)",
          plans["penetrating"]],
@@ -101,13 +100,33 @@ stances by coal: {1000 * stances["free_least_distance"]:.2f} mm. Swings of the p
 **Blocked stances and steps.** {stances["left_out"]} stances meet the thresholds but are ruled out \
 by collisions: the best posture of {stances["left_out_nearer_than_clearance"]} of them violates \
 the clearance, and that of {stances["left_out_penetrating"]} penetrates in MuJoCo. Of the steps \
-between free stances that are possible without collisions, {100 * steps["share_blocked"]:.1f} % \
+between free stances that are possible without collisions, {100 * part["share_blocked"]:.1f} % \
 are blocked.
 
 **Allowed collisions**, which are not checked (`mlivr_gym/collisions/allowed_collisions.py`); all \
 other pairs are.
 
 {table("shape | with | of | because", [row[:4] for row in ALLOWED_COLLISIONS])}"""
+
+
+def motions_text(part: Part) -> str:
+    """Return the paragraph on the motions of single steps."""
+    rows = [
+        [robot, f"{row['made']} of {row['steps']}", row["configurations"], row["penetrating"],
+         f"{1000 * row['least']:.2f}", f"{1000 * row['slip']:.3f}", f"{max(row['outside'], 0):.0e}",
+         f"{row['w_m']:.3f}", f"{row['control']} of {row['made']}"]
+        for robot, row in part["robots"].items()
+    ]  # fmt: skip
+    head = (
+        "robot | committed | configurations | penetrating in MuJoCo | minimum distance [mm] | "
+        "slip of supports [mm] | outside windows [rad] | minimum w_m of supports | box noticed"
+    )
+    return f"""**Motions of random steps.** The lines between the knots of committed steps are \
+sampled; distances by coal (clearance {1000 * part["clearance"]:g} mm), slip by forward kinematics \
+(at most {1000 * part["tolerance"]:g} mm). As a control, a box is put around the limb that moves: \
+another motion is chosen, or none.
+
+{table(head, rows)}"""
 
 
 PARTS: dict[str, Callable[[Part], str]] = {
@@ -117,15 +136,17 @@ PARTS: dict[str, Callable[[Part], str]] = {
     "limbs": limbs_text,
     "clearance": clearance_text,
     "collisions": collisions_text,
+    "motions": motions_text,
 }
 """Names of the parts, and the functions that describe them."""
 
 SIZES = {
     "walks": 10_000, "executed": 300, "steps": 2000, "queries": 1000, "maps": 540, "past": 1500,
-    "stances": 2000, "free": 300, "plans": 200,
+    "stances": 2000, "free": 500, "plans": 200, "motions": 2000,
 }  # fmt: skip
 """Default numbers of random walks, walks and steps carried out, queries of two limbs, small maps,
-steps past obstacles, free stances, and free steps and plans that are sampled."""
+steps past obstacles, free stances, steps of which it is asked whether they are blocked, plans that
+are sampled, and motions."""
 
 
 def markdown(known: dict[str, Part]) -> str:
@@ -144,6 +165,7 @@ def measured(workers: int, **size: int) -> dict[str, Part]:
         "limbs": study_small_maps(size["maps"], workers),
         "clearance": study_clearance(size["past"], workers),
         "collisions": study_collisions(size["stances"], size["free"], size["plans"]),
+        "motions": study_motions(size["motions"], workers),
     }
 
 

@@ -143,31 +143,12 @@ def is_step(graph: StanceGraph, before: Sequence[int], after: Sequence[int]) -> 
     return graph.step_to(graph.state(before), tuple(after)) is not None
 
 
-def study_steps(
-    graph: StanceGraph, free: StanceGraph, scene: Scene, count: int, rng: np.random.Generator
-) -> dict[str, Any]:
-    """Check random free steps, and measure the share of steps that are blocked."""
-    configurations = bad = done = drawn = possible = 0
-    bar = tqdm(total=count, desc="free steps", mininterval=2.0)
-    while done < count:
-        s0, s1 = random_step(graph, free, rng)
-        drawn += 1
-        if not is_step(graph, graph.points[s0].tolist(), graph.points[s1].tolist()):
-            continue
-        possible += 1
-        plan = one_step(graph, graph.points[s0].tolist(), graph.points[s1].tolist())
-        if plan is not None:
-            places = sampled(graph, plan, 60)
-            configurations, bad = configurations + len(places), bad + penetrating(scene, places)
-            done += 1
-            bar.update()
-    bar.close()
-    return {
-        "free": done,
-        "configurations": configurations,
-        "penetrating": bad,
-        "share_blocked": 1 - possible / drawn,
-    }
+def share_blocked(
+    graph: StanceGraph, free: StanceGraph, count: int, rng: np.random.Generator
+) -> float:
+    """Return the share of random steps between free stances that only collisions rule out."""
+    pairs = (graph.points[list(random_step(graph, free, rng))].tolist() for _ in range(count))
+    return 1.0 - sum(is_step(graph, *pair) for pair in pairs) / count
 
 
 def study_plans(
@@ -199,7 +180,7 @@ def study_collisions(stances: int, steps: int, plans: int) -> dict[str, Any]:
     return {
         "clearance": graph.settings.clearance,
         "stances": study_stances(graph, free, scene, stances, rng),
-        "steps": study_steps(graph, free, scene, steps, rng),
+        "share_blocked": share_blocked(graph, free, steps, rng),
         "plans": study_plans(graph, scene, plans, rng),
     }
 
