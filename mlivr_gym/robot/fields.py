@@ -192,7 +192,20 @@ class RobotFields:
     def mounted(self) -> tuple[Mount, ...]:
         """Each limb with its place, its kinematics, its capsules and its dynamics, N of them.
 
-        Where the first joint of a limb is held, its place is that of the first joint that moves.
+        Where the first joint of a limb is held, its place is that of the first joint that moves,
+        unlike that of `whole_mounts`.
+        """
+        limbs = zip(self.whole_mounts, self.every_limb, strict=True)
+        bases = [mount.frame @ limb.base_in_mount for mount, limb in limbs]
+        return tuple(
+            replace(mount, position=base[:3, 3].tolist(), rotation=base[:3, :3].tolist())
+            for mount, base in zip(self.whole_mounts, bases, strict=True)
+        )
+
+    @cached_property
+    def whole_mounts(self) -> tuple[Mount, ...]:
+        """Each limb where it is mounted, with all that it has, to be given to another robot.
+
         `Mount.dynamics` is None where it is neither given nor that of an arm that ships.
         """
         return tuple(map(self._completed, self._places))
@@ -200,10 +213,9 @@ class RobotFields:
     def _completed(self, mount: Mount) -> Mount:
         whole = self._with_shared(mount)
         assert whole.limb is not None
-        base, name = whole.frame @ whole.limb.base_in_mount, arm_of(whole.limb)
+        name = arm_of(whole.limb)
         return replace(
-            whole, position=base[:3, 3].tolist(), rotation=base[:3, :3].tolist(),
-            capsules=whole.capsules or default_capsules(whole.limb, self.tool_length),
+            whole, capsules=whole.capsules or default_capsules(whole.limb, self.tool_length),
             dynamics=whole.dynamics or (arm_dynamics(name) if name else None),
         )  # fmt: skip
 

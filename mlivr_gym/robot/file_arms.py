@@ -113,7 +113,10 @@ def _arm(file: Description, chain: list[int], name: str | None) -> FileArm:
     carriers = {file.parent(body) for body in fixed if body != chain[-1]}
     leaves = [body for body in fixed if body not in carriers]
     end = leaves[0] if len(leaves) == 1 else chain[-1]
-    return FileArm(joints, _usual_tool(file, chain[-1]) or Tool(end, np.eye(4), file.name_of(end)))
+    usual = _usual_tool(file, chain[-1])
+    if usual is None:
+        file.notes.append(f"no tool frame of a usual name: the tool is link {file.name_of(end)!r}")
+    return FileArm(joints, usual or Tool(end, np.eye(4), file.name_of(end)))
 
 
 def _tool_named(file: Description, name: str) -> Tool:
@@ -168,10 +171,15 @@ def _longest(file: Description, body: int) -> list[int]:
 
 
 def _is_of_gripper(file: Description, body: int, chain: list[int]) -> bool:
-    """Return whether a link or its joint is named as of a gripper, and those of the arm are not."""
+    """Return whether a link or its joint is named as of a gripper, and those of the arm are not.
+
+    A joint of the wrist moves the gripper and is of the arm.
+    """
 
     def words(link: int) -> set[str]:
         joint = file.model.joint(file.model.body_jntadr[link]).name
+        if "wrist" in joint.lower():
+            return set()
         name = f"{file.name_of(link)} {joint}".lower()
         return {word for word in OF_GRIPPERS if word in name}
 

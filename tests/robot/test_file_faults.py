@@ -60,6 +60,20 @@ def test_fingers_are_no_joints_of_the_arm(tmp_path, fingers, parent):
     np.testing.assert_allclose(grasp, tool, atol=1e-9)
 
 
+def test_a_wrist_that_carries_a_link_called_gripper_is_a_joint_of_the_arm(tmp_path):
+    """As in descriptions of ViperX arms."""
+    text = straight_arm().replace("joint6", "wrist_rotate").replace("link6", "gripper_link")
+    file = read_robot(written(tmp_path, text))
+    assert file.file_limbs[0].joint_names == (*SIX[:5], "wrist_rotate")
+
+
+def test_a_tool_that_no_frame_tells_is_said(tmp_path):
+    told = "no tool frame of a usual name: the tool is link"
+    assert told not in read_robot(written(tmp_path, straight_arm())).fields["source"]
+    text = straight_arm().replace("tool0", "stub")
+    assert f"{told} 'stub'" in read_robot(written(tmp_path, text)).fields["source"]
+
+
 def test_joints_that_limbs_share_and_a_head_belong_to_the_body(tmp_path):
     text = more(whole_robot(opposite()), hinge("pan", "body", "neck"), hinge("nod", "neck", "head"))
     assert robot_spec(written(tmp_path, text)).limbs == 2

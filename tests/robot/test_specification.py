@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import oracle
@@ -113,3 +114,13 @@ def test_pairs_that_a_refusal_names_are_taken_as_they_stand():
     pairs = json.loads(f"[{str(refused.value).partition('must be one of ')[2]}]")
     assert ["base", "upper_arm"] in pairs
     assert RobotSpec.from_dict({"apart": pairs}).apart == tuple(map(tuple, pairs))
+
+
+@pytest.mark.parametrize("name", ["mlivr2", "ssrms2", "mlivr2-unequal"])
+def test_whole_mounts_make_the_same_robot_again(name):
+    """Also where limbs hold their first joint, whose place is that of the second one."""
+    robot = robot_spec(name)
+    again = replace(robot, mounts=robot.whole_mounts)
+    np.testing.assert_array_equal(again.mount_positions, robot.mount_positions)
+    np.testing.assert_array_equal(again.mount_rotations, robot.mount_rotations)
+    assert again.mounted == robot.mounted

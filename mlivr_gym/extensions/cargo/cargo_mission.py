@@ -371,7 +371,7 @@ def loaded_robot(robot: RobotSpec, limb: int, cargo: Cargo) -> RobotSpec:
         centres=(*dynamics.centres[:5], both.centre),
         inertias=(*dynamics.inertias[:5], both.inertia),
     )
-    mounts = list(robot.mounted)
+    mounts = list(robot.whole_mounts)
     mounts[limb] = replace(mounts[limb], dynamics=heavier)
     name = f"{robot.name}-limb{limb}-loaded"
     return replace(robot, name=name, mounts=tuple(mounts))

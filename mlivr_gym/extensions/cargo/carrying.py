@@ -83,7 +83,7 @@ def carrying_robot(
     if robot.cargo is not None:
         raise RobotError(f"robot {robot.name!r} has cargo already; a limb carries the only one")
     mount = replace(robot.mounted[limb], dynamics=robot.dynamics_of(limb))
-    others = tuple(one for i, one in enumerate(robot.mounted) if i != limb)
+    others = tuple(one for i, one in enumerate(robot.whole_mounts) if i != limb)
     tried = [joints] if joints is not None else folds(robot, limb, cargo)
     shapes, reason = LimbShapes(robot), "no fold of it lies inside its joint limits"
     for fold in tried[:MOST_FOLDS_TRIED]:
