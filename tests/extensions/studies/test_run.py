@@ -8,6 +8,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -150,6 +151,16 @@ def test_an_own_function_is_a_kind_of_run(tmp_path):
             assert row["digits"] == list(range(row["task"]))
             assert (row["word"], row["error"]) == ("a", "")
     assert sum(succeeded(row) for row in rows) == 178
+
+
+@pytest.mark.parametrize("name", ["a:b", "file:a", "s3:", "%41 #?"])
+def test_a_folder_of_any_name_holds_a_study(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    design = StudyDesign.from_data(
+        {"kind": f"{__name__}:squares", "tasks": 2, "factors": {"scale": [3]}}
+    )
+    assert run_study(design, name, ThreadPoolExecutor(1)) == Path(name, "study.parquet")
+    assert [row["value"] for row in read_study(name)] == [0, 3]
 
 
 @pytest.mark.parametrize("kind", ["no_such_module:run", "json:no_such_function", "a b:c"])
