@@ -16,7 +16,7 @@ from mlivr_gym.agents.policies import ExpertPolicy
 from mlivr_gym.arguments import SEED, checked
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
-from mlivr_gym.errors import SettingError
+from mlivr_gym.errors import SettingError, shortened
 from mlivr_gym.extras import require
 from mlivr_gym.schema import Anything, Integer
 from mlivr_gym.settings import GRAPH_RULES, check_rules
@@ -135,7 +135,7 @@ def _check_id(dataset_id: str) -> None:
         fault = "" if PurePosixPath(dataset_id).as_posix() == dataset_id else "it has an empty part"
     if fault:
         raise SettingError(
-            f"data set id {dataset_id!r} is not valid: {fault}, for example {EXAMPLE_ID!r}"
+            f"data set id {shortened(dataset_id)} is not valid: {fault}, for example {EXAMPLE_ID!r}"
         )
     try:
         get_dataset_path(dataset_id).lstat()

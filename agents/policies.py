@@ -169,7 +169,7 @@ class PlanPolicy(Independent):
             self.plans += 1
         if not self._actions:
             self._expected = None
-            return int(np.argmin(mask))
+            return int(np.argmin(mask)) if mask.size else 0
         action = self._actions.pop()
         self._expected = env.state.stance_after(*divmod(action, len(env.graph.grasp_map)))
         return action

@@ -239,7 +239,8 @@ def find_walk(
     The method is one of `BASELINES`, and the moves are those of the world, `MlivrEnv.moves`. The
     goal position has shape (3,) [m], its region the radius `tolerance` [m]. `mcts` makes `budget`
     simulations for each step; it and `random` are seeded. Raises a `SettingError` if the method is
-    unknown.
+    unknown, and a `StanceError` if the start is no state of the map.
     """
+    moves.graph.check(start)
     task = _Task(moves, start, np.asarray(goal, dtype=np.float64), tolerance, max_steps)
     return BASELINES[method](task, np.random.default_rng(seed), budget)

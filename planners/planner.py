@@ -17,7 +17,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.plan_parts import Query, Statistics, World
 from mlivr_gym.planners.cost_to_go import CostToGo
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.outcome import GOAL_REACHED, SearchResult
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SearchResult
 from mlivr_gym.planners.planning_result import (
     GOAL_UNREACHABLE,
     NO_SWING,
@@ -165,8 +165,9 @@ class Planner(OnGraph):
     ) -> Cause:
         """Return the rule that cuts a goal off from the start, and what would help.
 
-        If there is a plan, the message says so. Otherwise the query is repeated on graphs without
-        obstacles, collisions, thresholds or step checks, which takes some seconds.
+        If there is a plan, or the limit does not tell, the message says so. Otherwise the query is
+        repeated on graphs without obstacles, collisions, thresholds or step checks, which takes
+        some seconds.
 
         The arguments are those of `plan`; with more than two limbs each search expands at most
         `limit` states. Raises an `MlivrError` if an argument cannot be used, or the start cannot be
@@ -179,6 +180,8 @@ class Planner(OnGraph):
         found = self._searched(search, start_state, Timer())
         if found:
             return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")
+        if found.reason == LIMIT_REACHED:
+            return Cause((), f"{found.message}: a larger limit may tell whether there is one")
         if found.reason == NO_SWING:
             return Cause((), found.message)
         return find_cause(self.graph, start_state, target, limit)

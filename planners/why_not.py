@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.costs import Cost
-from mlivr_gym.planners.outcome import GOAL_REACHED
+from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
 from mlivr_gym.planners.planning_result import too_far
 from mlivr_gym.planners.query import Goal, SearchOptions, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
@@ -55,14 +55,20 @@ def find_cause(graph: StanceGraph, start: State, goal: Goal, limit: int) -> Caus
     """
     if message := too_far(graph, goal):
         return Cause((), message)
-    names = [name for name in RULES if _has_rule(name, graph)]
+    names, is_decided = [name for name in RULES if _has_rule(name, graph)], True
     for name in names:
-        if _plan_exists(graph, (name,), start, goal, limit):
+        exists = _plan_exists(graph, (name,), start, goal, limit)
+        if exists:
             return Cause((name,), f"the goal is cut off by {name}: {RULES[name][1]}")
+        is_decided &= exists is not None
     for last in range(2, len(names) + 1):
-        if _plan_exists(graph, tuple(names[:last]), start, goal, limit):
+        exists = _plan_exists(graph, tuple(names[:last]), start, goal, limit)
+        if exists:
             listed = ", ".join(names[: last - 1]) + f" and {names[last - 1]}"
             return Cause(tuple(names[:last]), f"the goal is cut off by the combination of {listed}")
+        is_decided &= exists is not None
+    if not is_decided:
+        return Cause((), f"whatever rule is left out, no path was found by {limit} expansions")
     return Cause((), "no path of this robot leads to the goal, whatever rule is left out")
 
 
@@ -75,8 +81,8 @@ def _has_rule(name: str, graph: StanceGraph) -> bool:
 
 def _plan_exists(
     graph: StanceGraph, rules: tuple[str, ...], start: State, goal: Goal, limit: int
-) -> bool:
-    """Return whether a plan leads to the goal with some rules left out."""
+) -> bool | None:
+    """Return whether a plan leads to the goal with some rules left out, None as below."""
     changes = {key: value for name in rules for key, value in RULES[name][0].items()}
     settings: Settings = replace(graph.settings, **changes)
     if OBSTACLES in rules:
@@ -86,8 +92,11 @@ def _plan_exists(
     return is_plan_found(relaxed, start, goal, limit)
 
 
-def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool:
-    """Return whether a plan from the stance of a state leads to the goal on a graph."""
+def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> bool | None:
+    """Return whether a plan from the stance of a state leads to the goal on a graph.
+
+    None says that the search reached its limit before it found out.
+    """
     try:
         here = graph.state(start.stance, start.pose)
     except StanceError:
@@ -96,4 +105,6 @@ def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> b
     search = SearchQuery.from_options(graph, step_goal, SearchOptions(limit=limit))
     # Stance sets are not worth building for a single query.
     result = GraphSearcher(graph, build_sets=False).find(search, here)
+    if result is not None and result.status == LIMIT_REACHED:
+        return None
     return result is not None and result.status == GOAL_REACHED

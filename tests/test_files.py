@@ -114,17 +114,19 @@ def test_a_private_file_is_private_at_every_moment(tmp_path, monkeypatch):
 
 
 def test_a_file_and_its_new_name_are_on_the_disk_when_it_is_written(tmp_path, monkeypatch):
-    """After a power cut, too: the content before it gets its name, then the folder."""
+    """After a power cut, too: all the content before it gets its name, then the folder."""
     synced, real = [], os.fsync
 
     def noted(handle):
-        synced.append((os.fstat(handle).st_ino, (tmp_path / "file").exists()))
+        state = os.fstat(handle)
+        size = state.st_size if stat.S_ISREG(state.st_mode) else None
+        synced.append((state.st_ino, size, (tmp_path / "file").exists()))
         real(handle)
 
     monkeypatch.setattr("mlivr_gym.files.os.fsync", noted)
     write_whole(tmp_path / "file", "new")
     file, folder = (path.stat().st_ino for path in (tmp_path / "file", tmp_path))
-    assert synced == [(file, False), (folder, True)]
+    assert synced == [(file, 3, False), (folder, None, True)]
 
 
 def test_a_new_file_has_the_permissions_that_the_process_gives(tmp_path, monkeypatch):

@@ -58,6 +58,7 @@ ALSO = {
     "mounts": ("limbs",),
     "mask": ("actions",),
     "low": ("min",),
+    "radius": ("half",),
     "held_joint": ("held_angle",),
     "high": ("max",),
     "stances": ("stance",),

@@ -106,7 +106,7 @@ REWARDS = {name: CostReward(Cost.named(name)) for name in ("steps", "base")}
 def _read_reward(given: Any, path: FieldPath) -> Reward:
     """Return a reward that is given as itself, by name or as plain data; refuse a class."""
     name = given.get("kind") if isinstance(given, dict) else given
-    if name == CUSTOM:
+    if isinstance(name, str) and name == CUSTOM:
         custom = Fields({"kind": NAME}, CUSTOM_COST).read(given, path)
         return CostReward(Cost.custom(**{key: custom[key] for key in CUSTOM_COST if key in custom}))
     if isinstance(name, str):

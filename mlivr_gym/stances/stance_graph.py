@@ -88,12 +88,12 @@ class StanceGraph(StancePostures):
         self, stance: Sequence[str | int], position: Array, quaternion: Array
     ) -> tuple[float, ...] | None:
         """Return a base pose as `state` reads it, None if it is that of the stance."""
-        posture = self.posture(self.indices(stance))
+        posture, pose = self.posture(self.indices(stance)), given_pose((position, quaternion))
         off = (
             np.abs(posture.base_position[0] - position).max(),
-            np.abs(posture.base_rotation[0] - rotation_of((0, 0, 0, *quaternion))).max(),
+            np.abs(posture.base_rotation[0] - rotation_of(pose)).max(),
         )
-        return None if max(off) < 1e-9 else given_pose((position, quaternion))
+        return None if max(off) < 1e-9 else pose
 
     @checked({"states": STATES})
     def postures_of(self, states: Sequence[State]) -> Postures:

@@ -1,8 +1,10 @@
 """Policies that need no training: the expert, random actions, and followers of plans."""
 
+import numpy as np
 import pytest
 
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, baseline_policy, evaluate, planner_policy
+from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
@@ -36,6 +38,13 @@ def test_policies_follow_walks_to_their_end(env):
         assert evaluate(env, policy, 3, seed=1).success.all()
     with pytest.raises(SettingError, match="method is 'magic'"):
         find_walk("magic", env.moves, env.state, env.goal)
+
+
+@pytest.mark.parametrize("policy", [PlanPolicy(lambda env: None), RandomPolicy(0)])
+def test_where_no_action_is_valid_there_is_one_all_the_same(env, policy):
+    observation, _ = env.reset(seed=0)
+    for count in (len(env.action_masks()), 0):
+        assert policy.act(env, observation, np.zeros(count, dtype=np.bool_)) == 0
 
 
 def test_planners_go_on_after_grasps_that_fail(small_map):

@@ -5,8 +5,10 @@ import pickle
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
+from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner
 
@@ -23,6 +25,16 @@ def test_plans_are_equal_if_their_data_are(plan):
     other = replace(plan, statistics=replace(plan.statistics, expanded=10**6))
     assert other != plan
     assert plan != "plan"
+
+
+def test_a_configuration_is_that_of_a_stance_counted_from_either_end(plan):
+    count = len(plan.stances)
+    for k in range(count):
+        for one, other in zip(plan.configuration(k), plan.configuration(k - count), strict=True):
+            np.testing.assert_array_equal(one, other)
+    for k in (count, -count - 1):
+        with pytest.raises(PlanError, match=f"k is {k}; the plan has {count} stances"):
+            plan.configuration(k)
 
 
 def test_footholds_are_the_points_of_each_limb_without_repetition(plan):

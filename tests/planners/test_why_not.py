@@ -13,6 +13,7 @@ from mlivr_gym.planners import Planner, why_not
 from mlivr_gym.planners.planning_result import NO_SWING, Timer, without_plan
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.why_not import OBSTACLES, RULES
+from mlivr_gym.stances.random_states import random_state
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +32,32 @@ def test_nothing_cuts_off_a_goal_that_can_be_reached(checked_graph):
     assert cause.rules == ()
     at_goal = planner.why_not(query[0], plan.motion.base_positions[0])
     assert "a plan of 0 steps" in at_goal.message
+
+
+def test_nothing_is_blamed_where_the_limit_ends_the_search(jem):
+    """With three limbs a rule that is left out makes a search shorter, too."""
+    graph = stance_graph(jem, "mlivr3")
+    planner, goal = Planner(graph), (1.5, 0.0, 0.0)
+    start = random_state(graph, np.random.default_rng(3))
+    expanded = planner.plan(start, goal, "steps", goal_tolerance=0.6).expanded
+    for limit in (1, expanded // 2):
+        cause = planner.why_not(start, goal, goal_tolerance=0.6, limit=limit)
+        assert cause.rules == ()
+        assert cause.message.startswith(f"limit reached after {limit} expansions, no path from")
+        assert cause.message.endswith("a larger limit may tell whether there is one")
+    cause = planner.why_not(start, goal, goal_tolerance=0.6, limit=10 * expanded)
+    assert "there is a plan of" in cause.message
+
+
+def test_that_no_rule_helps_is_told_only_if_it_is_proved(small_map, monkeypatch):
+    graph = stance_graph(small_map)
+    start, far = graph.state(graph.points[0].tolist()), graph.base_position.argmax(axis=0)[0]
+    goal = Goal.from_arguments(graph, graph.base_position[far], "steps", None, 0.0)
+    assert why_not.is_plan_found(graph, start, goal, 10**6)
+    assert why_not.is_plan_found(graph, start, goal, 1) is None
+    for found, words in ((False, "no path of this robot leads"), (None, "found by 7 expansions")):
+        monkeypatch.setattr(why_not, "_plan_exists", lambda *_, found=found: found)
+        assert words in why_not.find_cause(graph, start, goal, 7).message
 
 
 @pytest.mark.parametrize("goal", [(8.0, 0.0, 0.0), (0.05, 0.0, 0.0), (6.0, 0.0, 0.9)])

@@ -221,6 +221,17 @@ def test_a_pose_that_cannot_be_held_is_explained(checked_graph):
         assert re.search(words, result.message), result.message
 
 
+def test_a_pose_is_given_if_it_is_not_that_of_the_stance(checked_graph, pose):
+    graph = checked_graph
+    position, quaternion, _ = graph.configuration(graph.state(START))
+    for sign in (1.0, -1.0):  # of the same rotation
+        assert graph.given_pose_of(START, position, sign * quaternion) is None
+    assert graph.given_pose_of(START, pose[:3], pose[3:]) == pytest.approx(pose)
+    for wrong, length in ((np.zeros(4), "0"), (2.0 * quaternion, "2")):
+        with pytest.raises(SettingError, match=f"quaternion .* of length {length}; its length"):
+            graph.given_pose_of(START, position, wrong)
+
+
 def test_joint_angles_that_do_not_fit_are_explained(checked_graph, pose):
     graph = checked_graph
     joints = graph.configuration(graph.state(START, pose))[2]

@@ -1,5 +1,6 @@
 """Grasps, controller and steps in MuJoCo."""
 
+import json
 from dataclasses import replace
 
 import mujoco
@@ -11,6 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import PlanError, SimulationError
+from mlivr_gym.files import FileError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
@@ -267,6 +269,21 @@ def test_the_summary_of_an_execution_is_that_of_its_samples_and_captures(walked)
     assert told["step_times_s"] == pytest.approx(np.diff(times))
     assert told["largest_capture_distance_m"] == max(one.distance for one in walked.captures)
     assert told["peaks"]["torque_rms"] >= np.sqrt(max(squares))
+
+
+def test_both_files_of_an_execution_are_written_or_neither(walked, tmp_path):
+    archive, summary = tmp_path / "walk.npz", tmp_path / "walk.json"
+    archive.write_bytes(b"old")
+    summary.mkdir()
+    with pytest.raises(FileError, match=r"walk\.json': it is a folder"):
+        walked.save(archive)
+    assert archive.read_bytes() == b"old"
+    assert sorted(tmp_path.iterdir()) == [summary, archive]
+    summary.rmdir()
+    walked.save(archive)
+    assert json.loads(summary.read_text())["steps"] == 1
+    with np.load(archive) as stored:
+        np.testing.assert_array_equal(stored["times"], walked.recording.times)
 
 
 def test_a_grasp_that_misses_tells_by_how_much(simulation, plan):

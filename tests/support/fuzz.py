@@ -165,8 +165,8 @@ def deep(count):
 def given_values():
     """Values of every type, made anew: wrong ones for most arguments, right ones for some."""
     return [
-        None, True, False, 0, 1, 2, -1, 2**63, 10**400, -(10**5000), 3.0, 0.5, -0.5, 1e300,
-        math.nan, math.inf, -math.inf, 1j, Decimal("0.5"), Fraction(1, 2),
+        None, True, False, 0, 1, 2, -1, 1000, -1000, 2**63, 10**400, -(10**5000), 3.0, 0.5, -0.5,
+        1e300, math.nan, math.inf, -math.inf, 1j, Decimal("0.5"), Fraction(1, 2),
         "", "deck", "steps", "no/such.json", "x" * 10_000, "\ud800", "a\nb", "a\0b", "\x1b[31m",
         b"x", bytearray(b"x"), Path("no/such"), Path("a\0b"),
         [], (), {}, set(), {1, 2}, {"kind": None}, {"a": {"b": []}}, {1: 2}, {"": 0}, range(3),

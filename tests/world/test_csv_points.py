@@ -47,6 +47,13 @@ def test_comments_are_no_points(tmp_path):
     assert found.ids == ("A", "B", "C")
 
 
+def test_a_hash_within_a_row_begins_no_comment(tmp_path):
+    """Ids and faces may have one, as rails that are numbered do."""
+    rows = ("rail#1,0,0,0,0,0,1,1,0,0,#2", "B#,0.4,0,0,0,0,1,1,0,0,a # b")
+    found = GraspMap.load(written(tmp_path, HEADER, *rows))
+    assert (found.ids, found.faces) == (("rail#1", "B#"), ("#2", "a # b"))
+
+
 def test_what_lays_points_out_along_rails_is_refused_where_there_are_none(tmp_path):
     """Points of a table, and of a map that was saved, stay where they are."""
     table = written(tmp_path, HEADER, *ROWS)

@@ -17,6 +17,7 @@ import numpy as np
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.collisions import Configuration, LimbShapes, checked_configuration
+from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.hit_cubes import CAUTIONS, CUBE, SENSED, Caution, HitCubes
 from mlivr_gym.extensions.closed_loop.known_boxes import (
     HITS,
@@ -270,8 +271,12 @@ class Belief(Independent):
         It should be at a sample of the trajectory, and is in its present configuration. What counts
         is the map, the obstacles that the graph had and that are not gone, and what was sensed,
         with the extent of the last of `CAUTIONS`, however close it is.
+
+        Raises a `SettingError` if the trajectory has no such sample.
         """
-        present = checked_configuration(self.graph.robot, present)
+        present, count = checked_configuration(self.graph.robot, present), len(trajectory.times)
+        if sample >= count:
+            raise SettingError(f"sample is {sample}; the trajectory has {count} samples, from 0")
         path, cells = self.path(trajectory), self._seen.rows["cell"]
         low, high = path.bounds_ahead(sample)
         corners = self._origin + CUBE * cells

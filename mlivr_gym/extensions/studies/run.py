@@ -154,7 +154,7 @@ def _read(path: Path) -> list[Row]:
     import pyarrow.parquet as pq
 
     try:
-        rows: list[Row] = pq.read_table(path).to_pylist()
+        rows: list[Row] = pq.read_table(pa.BufferReader(path.read_bytes())).to_pylist()  # no URI
     except (pa.ArrowException, OSError) as fault:
         reason = str(fault).splitlines()[0]
         raise FileError(

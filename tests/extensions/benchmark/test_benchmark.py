@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
 
 import gymnasium
@@ -24,6 +25,8 @@ from mlivr_gym.extensions.benchmark import (
 )
 from mlivr_gym.extensions.benchmark.entry import EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
+from mlivr_gym.extensions.benchmark.runner import policy_maker
+from mlivr_gym.files import FileError
 
 pytestmark = pytest.mark.usefixtures("cache")
 ROOT = Path(__file__).parents[3]
@@ -151,6 +154,27 @@ def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
         (folder / "summary.json").write_text(json.dumps(summary))
         with pytest.raises(BenchmarkError, match=re.escape(words)):
             check(folder, TASKS)
+
+
+def test_files_beside_a_policy_hide_no_installed_module(monkeypatch, tmp_path):
+    """A policy that was downloaded may lie beside files that are called like modules."""
+    (tmp_path / "colorsys.py").write_text("raise SystemExit(9)\n")
+    own = "import colorsys\ndef act(observation, mask):\n    return 0\n"
+    (tmp_path / "own_policy.py").write_text(own)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in ("colorsys", "own_policy"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    assert policy_maker("own_policy:act")().act(None, None, None) == 0
+    del sys.modules["own_policy"]
+
+
+@pytest.mark.parametrize("name", ["summary.json", "episodes.csv", "scores.png"])
+def test_all_files_of_an_entry_are_written_or_none(greedy, tmp_path, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(FileError, match=f"{name}': it is a folder"):
+        BenchmarkEntry.read(greedy).write(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def test_a_learner_is_held_to_its_budget(monkeypatch, tmp_path):

@@ -214,6 +214,9 @@ def test_a_robot_beside_its_trajectory_will_touch_what_mujoco_finds_there(graph,
         found[touches] += 1
         graph.remove_obstacles()
     assert min(found.values()) >= 5
+    count = len(trajectory.times)
+    with pytest.raises(SettingError, match=f"sample is {count}; the trajectory has {count} sampl"):
+        belief.will_touch(trajectory, count, beside(count - 1))
 
 
 def test_what_is_refused_is_not_taken_in_at_all(seen, plan):

@@ -8,6 +8,7 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -152,6 +153,16 @@ def test_an_own_function_is_a_kind_of_run(tmp_path):
     assert sum(succeeded(row) for row in rows) == 178
 
 
+@pytest.mark.parametrize("name", ["a:b", "file:a", "s3:", "%41 #?"])
+def test_a_folder_of_any_name_holds_a_study(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    design = StudyDesign.from_data(
+        {"kind": f"{__name__}:squares", "tasks": 2, "factors": {"scale": [3]}}
+    )
+    assert run_study(design, name, ThreadPoolExecutor(1)) == Path(name, "study.parquet")
+    assert [row["value"] for row in read_study(name)] == [0, 3]
+
+
 @pytest.mark.parametrize("kind", ["no_such_module:run", "json:no_such_function", "a b:c"])
 def test_an_own_function_that_does_not_exist_is_refused(tmp_path, kind):
     with pytest.raises(SettingError, match=f"kind is '{kind}', but there is no such function"):
@@ -249,13 +260,21 @@ def test_dask_opens_no_door_to_other_machines():
     before = listening()
     with executor_of("dask", 1, notify=told.append) as executor:
         assert executor.submit(abs, -1).result() == 1
-        # Ctrl-C ends the command, which ends its workers: they print nothing.
-        blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
-        assert signal.SIGINT in blocked
         opened = listening() - before
     assert len(opened) >= 3
     assert {address.ip for address in opened} == {"127.0.0.1"}
     assert told[0].startswith("http://127.0.0.1:")
+
+
+@pytest.mark.parametrize("engine", ["local", "dask"])
+def test_ctrl_c_does_not_reach_workers(engine):
+    """It ends the command, which ends its workers: those that wait would tell where they were."""
+    if engine == "dask":
+        pytest.importorskip("distributed")
+    with executor_of(engine, 1, notify=lambda _: None) as executor:
+        blocked = executor.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 @pytest.mark.parametrize("kind", ["plan", "own_runs:run"])
