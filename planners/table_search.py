@@ -60,7 +60,11 @@ to the goal; to expand this many takes less time than to compute new bounds."""
 
 CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**4
 """The limit before which all nodes are checked against obstacles, so that bounds over what is left
-show whether these cut the goal off."""
+show whether these cut the goal off. A search with `FIRST_WEIGHT` comes first then, whose path is an
+incumbent that leaves the exact search a fifth of the labels."""
+
+FIRST_WEIGHT = 1.1
+"""Weight of the bounds in that search."""
 
 
 class TableSearch(PathSearch):
@@ -176,7 +180,9 @@ class TableSearch(PathSearch):
             parameters = SearchParameters(
                 search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
             )
-            yield goal_bounds, (parameters,)
+            first = parameters._replace(cost_weight=search.cost_weight / FIRST_WEIGHT)
+            is_hard = expansion_limit == CUT_OFF_LIMIT
+            yield goal_bounds, (first, parameters) if is_hard else (parameters,)
             is_over = self._is_complete or self.is_late or self.expanded >= search.limit
             if is_over or self.lower_bound == np.inf:
                 return
@@ -281,7 +287,7 @@ class TableSearch(PathSearch):
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
-        self._is_complete = found.end == SEARCH_COMPLETE
+        self._is_complete = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
         self._is_exhausted = self._is_complete and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
@@ -317,9 +323,9 @@ class TableSearch(PathSearch):
         """Check the edges of a path; return its states, None if a limb keeps no branch."""
         present, edges = self._present, path.edges
         if not present.is_complete:
-            undecided = present.undecided(edges)
-            for piece in self.clock.pieces("edges", len(undecided)):
-                present.kept(undecided[piece])
+            self._check_edges(present.undecided(edges))
+            # Where one is blocked, so are many beside it, over which the next paths would lead.
+            self._check_edges(present.beside(edges[present.kept(edges) == 0]))
         (_, i), (_, j), _ = edge_ends(present.table, edges)
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
@@ -331,6 +337,11 @@ class TableSearch(PathSearch):
         positions = self.graph.postures_of(states[1:]).base_position if len(states) > 1 else ()
         every = np.concatenate([start.positions, np.reshape(positions, (-1, 3))])
         return StatePath((*start.states, *states[1:]), every)
+
+    def _check_edges(self, edges: IntArray) -> None:
+        """Check edges in pieces of the clock, shape (k,)."""
+        for piece in self.clock.pieces("edges", len(edges)):
+            self._present.kept(edges[piece])
 
     @property
     def effort(self) -> int:

@@ -22,7 +22,13 @@ from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_edges import CheckedEdges
 from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.graph_table import GraphTable
-from mlivr_gym.stances.node_edges import edge_ends, every_edge, kept_by_table, with_kept
+from mlivr_gym.stances.node_edges import (
+    edge_ends,
+    edges_beside,
+    every_edge,
+    kept_by_table,
+    with_kept,
+)
 from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import NodeTable
 from mlivr_gym.stances.obstacles import OBSTACLE_CELL_EDGE, PositionCells
@@ -189,6 +195,13 @@ class PresentTable:
             (before, _), (after, _), _ = edge_ends(self.table, edges)
             edges = edges[self._is_at_step[before] | self._is_at_step[after]]
         return edges
+
+    def beside(self, edges: IntArray) -> IntArray:
+        """Return the edges beside some that were looked at and not checked yet, ascending."""
+        if not self._looks:
+            return edges[:0]
+        found = edges_beside(self.table, edges)
+        return self.undecided(found[self.checked_edges.contains(found)])
 
     def kept(self, edges: IntArray) -> NDArray[np.uint64]:
         """Check edges once; return the branches that supports keep, as `supports_of`, shape (k,).
