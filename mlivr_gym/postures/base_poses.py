@@ -112,24 +112,24 @@ def set_bases(
 
 @entry
 def set_codes(
-    stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray
+    stances: IntArray, points: MapPoints, rules: Any, scratch: Any, codes: IntArray, first: IntArray
 ) -> None:
-    """Write a code for each stance that is the same for the same relative geometry, shape (k,).
+    """Write the first limb of each stance, and a code that is the same for the same geometry, (k,).
 
-    It is a sum of the rounded coordinates by random weights, modulo 2^64: two geometries that
-    differ have the same one by chance in 2^-62 of all cases.
+    The code is a sum of the rounded coordinates by random weights, modulo 2^64: two relative
+    geometries that differ have the same one by chance in 2^-62 of all cases.
     """
     rule, geometry = rules[0], scratch[0]
     for k in range(len(stances)):
         set_stance(points, rule, stances[k], geometry)
-        out[k] = 0
+        first[k], codes[k] = geometry.first, 0
         for limb in range(1, stances.shape[1]):
             grasp = geometry.grasps[limb]
             for axis in range(3):
                 for kind, value in enumerate(
                     (grasp.point[axis], grasp.rail[axis], grasp.normal[axis])
                 ):
-                    out[k] += int(np.rint(value / RESOLUTION)) * MIX[limb, axis, kind]
+                    codes[k] += int(np.rint(value / RESOLUTION)) * MIX[limb, axis, kind]
 
 
 @kernel

@@ -64,16 +64,6 @@ class Postures:
         """Return the postures of selected stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
 
-    @classmethod
-    def of_rows(cls, rows: Any, limbs: int) -> Postures:
-        """Return the postures in records of `Posture`, shape (k,)."""
-        of_limbs = (rows[name][:, :limbs] for name in ("w_m", "branch", "branch_sets"))
-        w_m, branch, branch_sets = (np.ascontiguousarray(values) for values in of_limbs)
-        base, others = rows["base"], ("w_b", "pose_number", "cause")
-        w_b, pose_number, cause = (rows[name].copy() for name in others)
-        position, rotation = base["position"].copy(), base["rotation"].copy()
-        return cls(position, rotation, w_m, w_b, branch, branch_sets, pose_number, cause)
-
 
 FIELDS = tuple(field.name for field in fields(Postures))
 """Names of the arrays of `Postures`."""

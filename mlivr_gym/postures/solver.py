@@ -10,6 +10,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
+from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import (
     CheckedPostures,
@@ -18,6 +19,7 @@ from mlivr_gym.collisions.queries import (
     check_points,
     remove_touching_branches,
 )
+from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.kinematics.grasps import grasp_rows
@@ -27,6 +29,7 @@ from mlivr_gym.postures.base_poses import (
     bases_at,
     candidates_of,
     pose_rules,
+    set_bases,
     set_codes,
 )
 from mlivr_gym.postures.postures import Postures
@@ -39,6 +42,7 @@ from mlivr_gym.postures.records import (
     StanceGeometry,
     Thresholds,
 )
+from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.postures.selection import solve_alone, solve_among_boxes
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
@@ -114,7 +118,7 @@ class PostureSolver:
         """
         thresholds = self.settings.thresholds(self.robot.limbs)
         rules = self._rules(thresholds, self.settings.collisions, nodes_only=nodes_only)
-        return self._solve(stances, Pose.rows(1), rules)
+        return self._solve(stances, rules)
 
     def at(
         self,
@@ -134,7 +138,7 @@ class PostureSolver:
         collisions = self.settings.collisions if collisions is None else collisions
         rules = self._rules(thresholds, collisions)
         rules["is_given"] = True
-        return self._solve(stances, poses(positions, rotations), rules)
+        return self._solve(stances, rules, poses(positions, rotations))
 
     def candidate_poses(self, stance: Sequence[int]) -> tuple[Array, Array]:
         """Return the candidate base poses of a stance given by point indices, in the world.
@@ -182,22 +186,52 @@ class PostureSolver:
     def _world(self, rules: Any) -> PostureWorld:
         """Return what all stances share, with a rule."""
         points = MapPoints(self.grasp_map.positions, self.grasp_map.rotations)
-        return PostureWorld(self.shapes.rows, rules, points, self.point_cause, self.boxes)
+        return PostureWorld(self.shapes.rows, rules, points, self.boxes)
 
-    def _solve(self, stances: IntArray, bases: Any, rules: Any) -> Postures:
-        """Compute the postures of stances by a rule, at bases if the rule has them given."""
+    def _solve(self, stances: IntArray, rules: Any, given: Any = None) -> Postures:
+        """Compute the postures of stances by a rule, at base poses if the rule has them given."""
         stances, world, limbs = np.ascontiguousarray(stances), self._world(rules), self.robot.limbs
-        first: IntArray = np.arange(len(stances))
-        same = first
-        if not rules["is_given"]:
-            codes = np.empty(len(stances), dtype=np.int64)
-            set_codes(stances, world.points, rules, StanceGeometry.rows(1), codes)
-            _, first, same = np.unique(codes, return_index=True, return_inverse=True)
-        alone = Posture.rows(len(first))
-        self._run(solve_alone, stances[first], bases, world, alone)
-        out = alone[same]
-        self._run(solve_among_boxes, stances, bases, world, out)
-        return Postures.of_rows(out, limbs)
+        geometry, count = StanceGeometry.rows(1), len(stances)
+        bases, one, same, first = given, np.arange(count), np.arange(count), np.zeros(count, int)
+        if given is None:
+            bases, codes = Pose.rows(1), np.empty(count, dtype=np.int64)
+            set_codes(stances, world.points, rules, geometry, codes, first)
+            _, one, same = np.unique(codes, return_index=True, return_inverse=True)
+        alone = Posture.rows(len(one))
+        self._run(solve_alone, stances[one], bases, world, alone)
+        found = alone[same]
+        if rules["check_contacts"]:
+            self._avoid_boxes(stances, world, found, given is not None)
+        number = found["pose_number"].copy()
+        if given is None:
+            bases = Pose.rows(count)
+            set_bases(stances, number, world.points, rules, geometry, bases)
+            bases[number < 0] = np.zeros((), Pose.dtype)
+        else:
+            number[:] = -1
+        w_m, branch, branch_sets = (
+            relabelled(found[name][:, :limbs], -first % limbs)
+            for name in ("w_m", "branch", "branch_sets")
+        )
+        return Postures(
+            bases["position"].copy(), bases["rotation"].copy(), w_m, found["w_b"].copy(), branch,
+            branch_sets, number, found["cause"].copy(),
+        )  # fmt: skip
+
+    def _avoid_boxes(
+        self, stances: IntArray, world: PostureWorld, found: Any, is_given: bool
+    ) -> None:
+        """Change records of `Posture` where stances touch a box; at given poses only at points."""
+        held = found["branch_sets"][:, 0] != EMPTY
+        touched = np.where(held, self.point_cause[stances].max(axis=1), CLEAR)
+        found["branch_sets"][touched != CLEAR] = EMPTY
+        if is_given:
+            return
+        found["cause"] = np.where(touched != CLEAR, touched, found["cause"])
+        rows = np.flatnonzero(held & (touched == CLEAR))
+        among_boxes = found[rows]
+        self._run(solve_among_boxes, stances[rows], Pose.rows(1), world, among_boxes)
+        found[rows] = among_boxes
 
     def _run(self, kernel: Any, stances: IntArray, *args: object) -> None:
         """Call an entry for some stances, in threads if they are many."""
