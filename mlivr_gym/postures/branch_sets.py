@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import followed_branches, set_follower
 from mlivr_gym.compiled.bit_sets import (
     ALL,
@@ -16,15 +15,9 @@ from mlivr_gym.compiled.bit_sets import (
 )
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.base_path import lift_path
-from mlivr_gym.postures.placed_limbs import (
-    PostureSearch,
-    cause_at_boxes,
-    gap_between_limbs,
-    limb_fits,
-    place_limb,
-)
+from mlivr_gym.postures.placed_limbs import PostureSearch, gap_between_limbs, limb_fits
 from mlivr_gym.postures.records import Posture, PostureScratch
-from mlivr_gym.postures.rule import base_cause, base_manipulability, set_base, set_combination
+from mlivr_gym.postures.rule import base_manipulability, set_base, set_combination
 
 
 @kernel
@@ -97,25 +90,3 @@ def _fits_all(search: PostureSearch, i: int, b: int, scratch: PostureScratch) ->
         fits = fits and base_manipulability(limbs, scratch) >= search.rule.thresholds.w_b
     scratch.options[i, 0], count[i] = first, kept
     return fits
-
-
-@kernel
-def remove_touching(search: PostureSearch, out: Posture, scratch: PostureScratch) -> int:
-    """Remove the branches that touch a box from the branch sets of a posture.
-
-    Returned is the cause of a collision of the posture itself, 0 for none. Where branches are not
-    checked, only that is found.
-    """
-    set_base(search, out.pose_number, 0.0, scratch)
-    cause, every = base_cause(search, scratch), search.rule.check_branches
-    for i in range(search.robot.limb_count if cause == CLEAR else 0):
-        for b in range(BRANCHES):
-            is_chosen = b == out.branch[i]
-            if is_chosen or (every and has_branch(out.branch_sets[i], b)):
-                place_limb(search, i, b, scratch)
-                touched = cause_at_boxes(search, i, b, scratch)
-                if touched != CLEAR and every:
-                    out.branch_sets[i] = without_branch(out.branch_sets[i], b)
-                if touched != CLEAR and is_chosen:
-                    cause = touched
-    return cause

@@ -53,40 +53,30 @@ class PostureSearch(NamedTuple):
 
 
 @kernel
-def place_limb(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
-    """Place limb `i` on branch `b` in the body frame; return whether it has that branch."""
-    limb, frames = search.robot.limbs[i], scratch.placed.frames
-    flange, _ = flange_seen(limb, scratch.base, search.geometry.grasps[i].flange)
-    if not branch_frames(limb.arm, flange, b, frames):
-        return False
-    place(limb, frames, scratch.in_body[i, b])
-    return True
-
-
-@kernel
 def limb_fits(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> bool:
     """Place limb `i` on branch `b`; return whether it has it and touches nothing but other limbs.
 
     If so, its distance from itself and the body and its `K^-1` are stored.
     """
-    if not place_limb(search, i, b, scratch):
+    robot, limb, frames = search.robot, search.robot.limbs[i], scratch.placed.frames
+    flange, _ = flange_seen(limb, scratch.base, search.geometry.grasps[i].flange)
+    if not branch_frames(limb.arm, flange, b, frames):
         return False
-    robot, limb, grasp = search.robot, search.robot.limbs[i], search.geometry.grasps[i]
-    gap = _gap_to_body(robot, limb, scratch.in_body[i, b], search.clearance)
-    if gap < search.clearance:
+    shapes, information = scratch.in_body[i, b], scratch.information[i, b]
+    place(limb, frames, shapes)
+    scratch.gaps[i, b] = _gap_to_body(robot, limb, shapes, search.clearance)
+    if scratch.gaps[i, b] < search.clearance:
         return False
     # The boxes last: they take longest.
-    if search.has_boxes and cause_at_boxes(search, i, b, scratch) != CLEAR:
+    if search.has_boxes and _touches_boxes(search, i, shapes, scratch):
         return False
-    scratch.gaps[i, b] = gap
-    flange, _ = flange_seen(limb, scratch.base, grasp.flange)
-    l_c, information = robot.characteristic_length, scratch.information[i, b]
+    l_c = robot.characteristic_length
     return limb_information(limb, flange, b, l_c, scratch.inversion, information)
 
 
-@kernel
-def cause_at_boxes(search: PostureSearch, i: int, b: int, scratch: PostureScratch) -> int:
-    """Return the cause of a collision of limb `i`, placed on branch `b`, with a box; else 0.
+@part
+def _touches_boxes(search: PostureSearch, i: int, shapes: Shapes, scratch: PostureScratch) -> bool:
+    """Return whether limb `i` touches a box; `shapes` are in the body frame.
 
     What is on its flange axis does not depend on the posture, see
     `collisions.queries.check_points`. The gripper may touch what lies behind its surface.
@@ -94,12 +84,12 @@ def cause_at_boxes(search: PostureSearch, i: int, b: int, scratch: PostureScratc
     limb, grasp, stance = search.robot.limbs[i], search.geometry.grasps[i], search.geometry.place
     point, normal = out_of(stance, vector(grasp.point)), vector(grasp.normal)
     set_grasp_surface(scratch.surface, point, turned(stance.rotation, normal))
-    place_in_world(limb, scratch.base_in_world, scratch.in_body[i, b], scratch.in_world)
+    place_in_world(limb, scratch.base_in_world, shapes, scratch.in_world)
     pending = below(limb.first_on_axis)
     result, _ = compare_limb_with_boxes(
         limb, scratch.in_world, pending, search.grid, search.clearance, scratch.surface
     )
-    return int(result)
+    return result != CLEAR
 
 
 @kernel

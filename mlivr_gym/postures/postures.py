@@ -49,15 +49,19 @@ class Postures:
         rows["position"], rows["rotation"] = self.base_position, self.base_rotation
         return rows
 
-    def checked(self, points: IntArray, every: bool) -> CheckedPostures:
+    def checked(
+        self, points: IntArray, every: bool, first: IntArray | None = None
+    ) -> CheckedPostures:
         """Return them as checks against boxes read them, with the points held, shape (k, N).
 
         `every` says whether all branches are checked and removed from the branch sets; otherwise
-        only the causes on the branches of the postures are set. Both are changed in place.
+        only the causes on the branches of the postures are set. Both are changed in place. Limbs
+        are checked from the `first` on, shape (k,), by default from limb 0.
         """
         points, every_branch = np.ascontiguousarray(points), np.array([every])
+        first = np.zeros(len(points), dtype=np.int64) if first is None else first
         return CheckedPostures(
-            points, self.base_rows, self.branch, self.branch_sets, self.cause, every_branch
+            points, first, self.base_rows, self.branch, self.branch_sets, self.cause, every_branch
         )
 
     def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:

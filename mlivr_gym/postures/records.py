@@ -69,8 +69,8 @@ class PostureRule(Record):
     """Whether to omit the results for stances that are no nodes; most are then rejected early."""
     check_branches: bool
     """Whether to compute sets of branches; otherwise every node has all branches."""
-    check_contacts: bool
-    """Whether postures must keep the clearance."""
+    among_boxes: bool
+    """Whether the boxes count; without them the robot keeps the clearance from itself alone."""
 
 
 class MapPoints(NamedTuple):

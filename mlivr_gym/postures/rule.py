@@ -8,7 +8,6 @@ decides, and if that is equal within `CLEARANCE_TIE`, a fixed order in the frame
 prefers the smaller roll, of two opposite rolls the positive one, then the lower base, then the
 lower branch numbers from the last limb to the first. With collisions checked, the rule applies to
 what touches nothing.
-
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import numpy as np
 from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
-from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant
 from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
 from mlivr_gym.postures.placed_limbs import PostureSearch, gap_between_limbs, limb_fits
@@ -43,7 +42,7 @@ def choose(search: PostureSearch, floor: float, out: Posture, scratch: PostureSc
         least = best * (1.0 - TIE)
         if not set_base(search, pose, least * rule.scale_m, scratch):
             continue
-        if search.has_boxes and base_cause(search, scratch) != CLEAR:
+        if _base_touches(search, scratch):
             continue
         for number in range(_list_options(search, least, scratch)):
             w_m, least = set_combination(limbs, number, scratch), best * (1.0 - TIE)
@@ -83,11 +82,15 @@ def set_base(search: PostureSearch, pose: int, least: float, scratch: PostureScr
     return set_reach(search.robot, geometry, scratch.base, least, scratch.w_m)
 
 
-@kernel
-def base_cause(search: PostureSearch, scratch: PostureScratch) -> int:
-    """Return the cause of a collision of the base with a box, else 0."""
+@part
+def _base_touches(search: PostureSearch, scratch: PostureScratch) -> bool:
+    """Return whether the base touches a box that counts."""
     base, surface = scratch.base_in_world, scratch.surface
-    return compare_base_with_boxes(search.robot, base, search.grid, search.clearance, surface)
+    return (
+        search.has_boxes
+        and compare_base_with_boxes(search.robot, base, search.grid, search.clearance, surface)
+        != CLEAR
+    )
 
 
 @kernel
