@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
@@ -169,7 +170,7 @@ def first_limb(positions: Array, stance: IntArray, keys: Array) -> int:
     next point are smaller. Only in stances that are images of themselves the axes of the map
     decide: the lower x, y, z. `keys` is scratch, shape (5, at least N).
     """
-    limbs, first = len(stance), 0
+    limbs, first = len(stance), EMPTY
     for axis in range(3):
         total = positions[stance[0], axis]
         for limb in range(1, limbs):
