@@ -40,6 +40,8 @@ class CheckedPostures(NamedTuple):
 
     points: IntArray
     """Point of each limb, shape (k, N)."""
+    first: IntArray
+    """Limb from which on they are checked, the last that touches a box tells why, shape (k,)."""
     base: Any
     """Base poses in the world, records of `Pose`, shape (k,)."""
     branch: IntArray
@@ -125,7 +127,8 @@ def remove_touching_branches(
                 if remove:
                     postures.branch_sets[k, i] = 0
             continue
-        for i in range(robot.limb_count):
+        for later in range(robot.limb_count):
+            i = (postures.first[k] + later) % robot.limb_count
             for b in range(BRANCHES):
                 in_posture = b == postures.branch[k, i]
                 if not in_posture and not (remove and has_branch(postures.branch_sets[k, i], b)):

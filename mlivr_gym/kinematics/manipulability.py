@@ -140,12 +140,11 @@ def limb_information(
     if not there:
         return False
     a = scratch.matrix
-    _set_twist(limb, 0, links.f1.o, links.f1.z, l_c, a)
-    _set_twist(limb, 1, links.f2.o, links.f2.z, l_c, a)
-    _set_twist(limb, 2, links.f3.o, links.f3.z, l_c, a)
-    _set_twist(limb, 3, links.f4.o, links.f4.z, l_c, a)
-    _set_twist(limb, 4, links.f5.o, links.f5.z, l_c, a)
-    _set_twist(limb, 5, flange.p, flange.z, l_c, a)
+    for joint in range(6):
+        o, z = flange
+        if joint < 5:
+            o, z = links[joint].o, links[joint].z
+        _set_twist(limb, joint, o, z, l_c, a)
     if not _invert(a, scratch.pivots):
         return False
     for i in range(6):

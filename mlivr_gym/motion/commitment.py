@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.bit_sets import bits_of
+from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.joint_path import JointPath
@@ -26,9 +26,7 @@ from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.straight_base import FollowingSupports
 from mlivr_gym.motion.swings import SwingFinder, swing_knot
 from mlivr_gym.postures.postures import Postures
-from mlivr_gym.postures.reach import base_along, reach_all
-from mlivr_gym.postures.records import CandidatePose, StanceGeometry
-from mlivr_gym.postures.solver import SCRATCH
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State, moving_limb
 
@@ -173,13 +171,10 @@ class _MotionDraft:
         """Choose the branches of the walk, and compute its joint angles."""
         self.graph, self.states, self.postures = graph, states, postures
         self.points: IntArray = np.array([state.stance for state in states])
-        count, limbs, solver = len(states), graph.limbs, graph.solver
-        held, self._candidate = StanceGeometry.rows(count), CandidatePose.rows(count)
-        held["grasps"][:, :limbs] = solver.grasps[self.points]
-        self._candidate["base"] = self.postures.base_rows
-        with SCRATCH.borrowed() as scratch:
-            reach_all(graph.checks.robots, held, self._candidate, scratch(1))
-        self._w: Array = self._candidate["limbs"]["w"][:, :limbs]
+        count, limbs = len(states), graph.limbs
+        self._twists = _twists(graph, self.points, self.postures)
+        w = np.abs(np.linalg.det(np.nan_to_num(self._twists)))
+        self._w: Array = np.minimum(w[..., ::2], w[..., 1::2])  # by classes of branches
         self.branches: IntArray = self.postures.branch.copy()
         self.flips: IntArray = np.zeros((count, limbs), dtype=np.int64)
         if graph.settings.transitions:
@@ -201,7 +196,7 @@ class _MotionDraft:
             if not bits:
                 point = graph.grasp_map.ids[self.points[last, limb]]
                 raise PlanError(f"limb {limb} cannot be released from {point!r} at stance {last}")
-            bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 12), -b))
+            bit = max(bits, key=lambda b: (round(float(minimum[(b & 7) >> 1]), 9), -b))
             self.branches[first : last + 1, limb] = bit & 7
             self.flips[first : last + 1, limb] = bit >> 3
 
@@ -238,7 +233,21 @@ class _MotionDraft:
     def manipulability(self) -> tuple[Array, Array]:
         """Return `w_m`, shape (K, N), and `w_b`, shape (K,), on the chosen branches."""
         w_m: Array = np.take_along_axis(self._w, self.branches[..., None] >> 1, axis=2)[..., 0]
-        w_b = np.empty(len(self.points))
-        with SCRATCH.borrowed() as scratch:
-            base_along(self.graph.checks.robots, self._candidate, self.branches, scratch(1), w_b)
-        return w_m, w_b
+        chosen = np.take_along_axis(self._twists, self.branches[..., None, None, None], axis=2)
+        rates = np.linalg.inv(chosen[:, :, 0])
+        inverse = (np.swapaxes(rates, 2, 3) @ rates).sum(axis=1)
+        return w_m, 1.0 / np.sqrt(np.linalg.det(inverse))
+
+
+def _twists(graph: StanceGraph, points: IntArray, postures: Postures) -> Array:
+    """Return the normalised base twists of the joints on each branch, shape (K, N, 8, 6, 6).
+
+    They are the columns of `SA`, see `manipulability`, with NaN where the branch does not exist.
+    """
+    robot, every = graph.robot, [np.full(points.shape, branch) for branch in range(BRANCHES)]
+    joints = np.stack([graph.joints(points, postures, bits) for bits in every], axis=2)
+    frames = [link_frames(limb, joints[:, i]) for i, limb in enumerate(robot.every_limb)]
+    links = robot.mount_rotations[:, None, None] @ np.stack(frames, axis=1)[..., 1:, :3, :]
+    axes, places = links[..., 2], links[..., 3] + robot.mount_positions[:, None, None]
+    moments = np.cross(places, axes) / robot.characteristic_length
+    return np.swapaxes(np.concatenate([moments, axes], axis=-1), -1, -2)

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.bit_sets import EMPTY
 from mlivr_gym.compiled.kernels import entry, kernel, part
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
@@ -112,24 +113,24 @@ def set_bases(
 
 @entry
 def set_codes(
-    stances: IntArray, points: MapPoints, rules: Any, scratch: Any, out: IntArray
+    stances: IntArray, points: MapPoints, rules: Any, scratch: Any, codes: IntArray, first: IntArray
 ) -> None:
-    """Write a code for each stance that is the same for the same relative geometry, shape (k,).
+    """Write the first limb of each stance, and a code that is the same for the same geometry, (k,).
 
-    It is a sum of the rounded coordinates by random weights, modulo 2^64: two geometries that
-    differ have the same one by chance in 2^-62 of all cases.
+    The code is a sum of the rounded coordinates by random weights, modulo 2^64: two relative
+    geometries that differ have the same one by chance in 2^-62 of all cases.
     """
     rule, geometry = rules[0], scratch[0]
     for k in range(len(stances)):
         set_stance(points, rule, stances[k], geometry)
-        out[k] = 0
+        first[k], codes[k] = geometry.first, 0
         for limb in range(1, stances.shape[1]):
             grasp = geometry.grasps[limb]
             for axis in range(3):
                 for kind, value in enumerate(
                     (grasp.point[axis], grasp.rail[axis], grasp.normal[axis])
                 ):
-                    out[k] += int(np.rint(value / RESOLUTION)) * MIX[limb, axis, kind]
+                    codes[k] += int(np.rint(value / RESOLUTION)) * MIX[limb, axis, kind]
 
 
 @kernel
@@ -169,7 +170,7 @@ def first_limb(positions: Array, stance: IntArray, keys: Array) -> int:
     next point are smaller. Only in stances that are images of themselves the axes of the map
     decide: the lower x, y, z. `keys` is scratch, shape (5, at least N).
     """
-    limbs, first = len(stance), 0
+    limbs, first = len(stance), EMPTY
     for axis in range(3):
         total = positions[stance[0], axis]
         for limb in range(1, limbs):

@@ -49,30 +49,24 @@ class Postures:
         rows["position"], rows["rotation"] = self.base_position, self.base_rotation
         return rows
 
-    def checked(self, points: IntArray, every: bool) -> CheckedPostures:
+    def checked(
+        self, points: IntArray, every: bool, first: IntArray | None = None
+    ) -> CheckedPostures:
         """Return them as checks against boxes read them, with the points held, shape (k, N).
 
         `every` says whether all branches are checked and removed from the branch sets; otherwise
-        only the causes on the branches of the postures are set. Both are changed in place.
+        only the causes on the branches of the postures are set. Both are changed in place. Limbs
+        are checked from the `first` on, shape (k,), by default from limb 0.
         """
         points, every_branch = np.ascontiguousarray(points), np.array([every])
+        first = np.zeros(len(points), dtype=np.int64) if first is None else first
         return CheckedPostures(
-            points, self.base_rows, self.branch, self.branch_sets, self.cause, every_branch
+            points, first, self.base_rows, self.branch, self.branch_sets, self.cause, every_branch
         )
 
     def take(self, index: NDArray[np.intp] | BoolArray | slice) -> Postures:
         """Return the postures of selected stances."""
         return Postures(*(getattr(self, name)[index] for name in FIELDS))
-
-    @classmethod
-    def of_rows(cls, rows: Any, limbs: int) -> Postures:
-        """Return the postures in records of `Posture`, shape (k,)."""
-        of_limbs = (rows[name][:, :limbs] for name in ("w_m", "branch", "branch_sets"))
-        w_m, branch, branch_sets = (np.ascontiguousarray(values) for values in of_limbs)
-        base, others = rows["base"], ("w_b", "pose_number", "cause")
-        w_b, pose_number, cause = (rows[name].copy() for name in others)
-        position, rotation = base["position"].copy(), base["rotation"].copy()
-        return cls(position, rotation, w_m, w_b, branch, branch_sets, pose_number, cause)
 
 
 FIELDS = tuple(field.name for field in fields(Postures))

@@ -69,8 +69,8 @@ class PostureRule(Record):
     """Whether to omit the results for stances that are no nodes; most are then rejected early."""
     check_branches: bool
     """Whether to compute sets of branches; otherwise every node has all branches."""
-    check_contacts: bool
-    """Whether postures must keep the clearance."""
+    among_boxes: bool
+    """Whether the boxes count; without them the robot keeps the clearance from itself alone."""
 
 
 class MapPoints(NamedTuple):
@@ -91,8 +91,6 @@ class PostureWorld(NamedTuple):
     """The rule, a record of `PostureRule`, shape (1,)."""
     points: MapPoints
     """The graspable points."""
-    causes: IntArray
-    """Cause of the collision of a gripper at each point, 0 for none, shape (m,)."""
     grid: BoxGrid
     """The boxes."""
 
@@ -123,33 +121,9 @@ class StanceGeometry(Record):
     """What chooses the first limb, see `base_poses.first_limb`."""
 
 
-class LimbReach(Record):
-    """Inverse kinematics of a limb's grasp from a base pose."""
-
-    p: Vector
-    """Flange position in the limb base frame [m]."""
-    z: Vector
-    """Flange axis in the limb base frame."""
-    w: Annotated[Array, (CLASSES,)]
-    """`w_m` of each class of branches; 0 if out of reach."""
-
-
-class CandidatePose(Record):
-    """A candidate base pose of a stance."""
-
-    base: Pose
-    """Base pose, in the frame of the stance's grasps."""
-    limbs: Annotated[Rows[LimbReach], (MOST_LIMBS,)]
-    """How each limb reaches its grasp."""
-    margin_bound: float
-    """Upper bound of the margin: the minimum over the limbs of their best class."""
-
-
 class Posture(Record):
-    """The posture of a stance, while it is computed limb by limb from its first limb on."""
+    """The posture of a stance, limb by limb from its first limb on."""
 
-    base: Pose
-    """Base pose in the world."""
     pose_number: int
     """Index of the base pose among the candidates; -1 for none."""
     w_m: Annotated[Array, (MOST_LIMBS,)]
@@ -171,36 +145,29 @@ class PostureScratch(Record):
 
     geometry: StanceGeometry
     """The grasps of the stance."""
-    bounds: Annotated[Array, (MOST_POSES * MOST_POSES,)]
-    """Upper bound of the margin at each candidate base pose; 0 for those that need no look."""
-    candidate: CandidatePose
-    """The candidate base pose that is evaluated."""
     base: Pose
-    """The same base pose in the world."""
+    """The base pose that is evaluated, in the frame of the stance's grasps."""
+    base_in_world: Pose
+    """The same in the world."""
     other: Posture
     """Another posture of the stance."""
-    sizes: Annotated[Array, (4,)]
-    """`|det J|` of each class of branches [m^3]."""
+    w_m: Annotated[Array, (MOST_LIMBS, CLASSES)]
+    """`w_m` of each class of branches of each limb at that pose; 0 if out of reach."""
     information: Annotated[Array, (MOST_LIMBS, BRANCHES, 6, 6)]
-    """`K^-1` of each branch of each limb."""
-    sums: Annotated[Array, (MOST_LIMBS, 2, 6, 6)]
-    """Sum of `K^-1` over each limb and the limbs after it, on the branches in `combination`, and
-    what its determinant is computed with."""
+    """`K^-1` of each limb on each branch on which it is placed."""
+    sums: Annotated[Array, (2, 6, 6)]
+    """Sum of `K^-1` over the limbs on the branches in `combination`, and what its determinant is
+    computed with."""
     combination: Limbs
     """Branch of each limb in the combination that is evaluated."""
     option_count: Limbs
     """Number of branches of each limb that are combined."""
     options: Annotated[IntArray, (MOST_LIMBS, BRANCHES), np.int64]
     """These branches."""
-    option_index: Limbs
-    """Index of each limb's branch in `combination` among its options."""
-    gaps: Annotated[Array, (MOST_LIMBS, BRANCHES, MOST_LIMBS, BRANCHES)]
-    """Distance of two limbs on their branches [m], or of a limb from itself and the body.
-
-    It is infinite while it is not known, and -1 where a limb touches a box or has no such branch.
-    """
+    gaps: Annotated[Array, (MOST_LIMBS, BRANCHES)]
+    """Distance of each limb from itself and the body on each branch on which it is placed [m]."""
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
-    """Capsules of each limb on each branch in the body frame, where its distance is known."""
+    """Capsules of each limb in the body frame on each branch on which it is placed."""
     in_world: Shapes
     """Capsules of a limb in the world frame."""
     placed: Placed

@@ -8,9 +8,6 @@ decides, and if that is equal within `CLEARANCE_TIE`, a fixed order in the frame
 prefers the smaller roll, of two opposite rolls the positive one, then the lower base, then the
 lower branch numbers from the last limb to the first. With collisions checked, the rule applies to
 what touches nothing.
-
-`choose` enumerates them in the order of what `w_m` alone allows, and ends where that is less than
-the largest margin so far.
 """
 
 from __future__ import annotations
@@ -21,12 +18,10 @@ from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.chain import FlangeAxis
-from mlivr_gym.kinematics.manipulability import inverse_root_determinant, limb_information
-from mlivr_gym.kinematics.poses import vector
+from mlivr_gym.kinematics.manipulability import inverse_root_determinant
 from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
-from mlivr_gym.postures.gaps import PostureSearch, self_clearance, touching_limb
-from mlivr_gym.postures.reach import evaluate_reach
+from mlivr_gym.postures.placed_limbs import PostureSearch, gap_between_limbs, limb_fits
+from mlivr_gym.postures.reach import set_reach
 from mlivr_gym.postures.records import Posture, PostureScratch
 
 CLEARANCE_TIE = 1e-9
@@ -34,145 +29,126 @@ CLEARANCE_TIE = 1e-9
 
 
 @kernel
-def prepare_candidate(search: PostureSearch, number: int, scratch: PostureScratch) -> int:
-    """Set `scratch.candidate` to a candidate base pose, of which no distance is known yet.
-
-    Returned is the cause of a collision of the base with a box, else 0.
-    """
-    robot, geometry, candidate = search.robot, search.geometry, scratch.candidate
-    set_candidate(search, number, 0.0, scratch)
-    place(geometry, candidate.base, scratch.base)
-    for i in range(robot.limb_count):
-        for b in range(BRANCHES):
-            for j in range(robot.limb_count):
-                for c in range(BRANCHES):
-                    scratch.gaps[i, b, j, c] = np.inf
-    if not search.has_boxes:
-        return CLEAR
-    clearance, surface = search.clearance, scratch.surface
-    return compare_base_with_boxes(robot, scratch.base, search.grid, clearance, surface)
-
-
-@kernel
-def set_candidate(
-    search: PostureSearch, number: int, floor: float, scratch: PostureScratch
-) -> float:
-    """Set `scratch.candidate` to a candidate base pose; for the rest see `evaluate_reach`."""
-    geometry, rule, candidate = search.geometry, search.rule, scratch.candidate
-    if rule.is_given:
-        place(geometry, search.given, candidate.base)  # the frame of the stance is the world
-    else:
-        set_pose(geometry, rule, number, candidate.base)
-    return evaluate_reach(search.robot, geometry, floor, candidate, scratch.sizes)
-
-
-@part
-def _list_options(search: PostureSearch, least: float, scratch: PostureScratch) -> None:
-    """List the branches of each limb from a margin on, the best first, with their `K^-1`."""
-    robot, l_c = search.robot, search.robot.characteristic_length
-    for i in range(robot.limb_count):
-        limb, reach, options = robot.limbs[i], scratch.candidate.limbs[i], scratch.options[i]
-        flange, count = FlangeAxis(vector(reach.p), vector(reach.z)), EMPTY
-        for b in range(BRANCHES):
-            w = reach.w[class_of(b)]
-            if w >= least * search.rule.scale_m and w > 0.0:
-                information = scratch.information[i, b]
-                limb_information(limb, flange, b, l_c, scratch.inversion, information)
-                k = count
-                while k > 0 and reach.w[class_of(options[k - 1])] < w:
-                    options[k] = options[k - 1]
-                    k -= 1
-                options[k] = b
-                count += 1
-        scratch.option_count[i] = count
-
-
-@kernel
-def next_combination(search: PostureSearch, least: float, i: int, scratch: PostureScratch) -> bool:
-    """Set the combination to the next one of the options; return whether there is one.
-
-    The branch of limb `i` changes, and those of the limbs before it start again; with the number of
-    limbs for `i`, all do. The branch of limb 0 changes fastest. Combinations with a `w_m` below the
-    margin `least`, or of branches that are known to touch something, are skipped as a group. The
-    sum of `K^-1` is written into `scratch.sums[0, 0]`.
-    """
-    limbs, combination, sums = search.robot.limb_count, scratch.combination, scratch.sums
-    if i == limbs:
-        i -= 1
-        scratch.option_index[i] = -1
-    while i < limbs:
-        scratch.option_index[i] += 1
-        k = scratch.option_index[i]
-        b = scratch.options[i, min(k, BRANCHES - 1)]
-        reach = scratch.candidate.limbs[i]
-        if k >= scratch.option_count[i] or reach.w[class_of(b)] < least * search.rule.scale_m:
-            i += 1  # the options after it are no better
-            continue
-        combination[i] = b
-        touches = scratch.gaps[i, b, i, b] < search.clearance
-        for j in range(i + 1, limbs):
-            touches |= scratch.gaps[i, b, j, combination[j]] < search.clearance
-        if touches:
-            continue
-        for row in range(6):
-            for col in range(row + 1):
-                after = sums[i + 1, 0, row, col] if i + 1 < limbs else 0.0
-                sums[i, 0, row, col] = after + scratch.information[i, b, row, col]
-        if i == 0:
-            return True
-        i -= 1
-        scratch.option_index[i] = -1
-    return False
-
-
-@kernel
 def choose(search: PostureSearch, floor: float, out: Posture, scratch: PostureScratch) -> float:
     """Choose the posture of a stance among those with a margin above `floor` that touch nothing.
 
-    It is stored without base and branch sets. Returned is its clearance from itself [m].
+    It is stored without branch sets. Returned is its clearance from itself [m].
     """
     limbs, rule, rank, gap, best = search.robot.limb_count, search.rule, EMPTY, 0.0, floor
     out.pose_number, out.w_b, out.cause, out.is_node = NONE, 0.0, CLEAR, False
     for i in range(limbs):
         out.w_m[i], out.branch[i], out.branch_sets[i] = 0.0, EMPTY, EMPTY
-    count = 1 if rule.is_given else pose_count(search.geometry, rule)
-    for number in range(count):
-        w_m = set_candidate(search, number, floor * rule.scale_m, scratch)
-        scratch.bounds[number] = w_m / rule.scale_m
-    while True:
-        number = EMPTY
-        for other in range(1, count):
-            if scratch.bounds[other] > scratch.bounds[number]:
-                number = other
-        bound, least = scratch.bounds[number], best * (1.0 - TIE)
-        if bound <= floor or bound < least:
-            return gap
-        scratch.bounds[number] = 0.0
-        if prepare_candidate(search, number, scratch) != CLEAR:
+    for pose in range(1 if rule.is_given else pose_count(search.geometry, rule)):
+        least = best * (1.0 - TIE)
+        if not set_base(search, pose, least * rule.scale_m, scratch):
             continue
-        _list_options(search, least, scratch)
-        i = limbs
-        while next_combination(search, least, i, scratch):
-            i, w_m, w_b = EMPTY, np.inf, inverse_root_determinant(scratch.sums[0])
-            for k in range(limbs):
-                w_m = min(w_m, scratch.candidate.limbs[k].w[class_of(scratch.combination[k])])
+        if _base_touches(search, scratch):
+            continue
+        for number in range(_list_options(search, least, scratch)):
+            w_m, least = set_combination(limbs, number, scratch), best * (1.0 - TIE)
+            if w_m < least * rule.scale_m:
+                continue
+            w_b = base_manipulability(limbs, scratch)
             margin = min(w_m / rule.scale_m, w_b / rule.scale_b)
             if margin <= floor or margin < least:
                 continue
-            touching = touching_limb(search, scratch)
-            if touching >= 0:
-                i = touching
+            to_itself = _gap_to_itself(search, scratch)
+            if to_itself < search.clearance:
                 continue
-            to_itself, order = self_clearance(limbs, scratch), number
+            order = pose
             for k in range(limbs - 1, -1, -1):
                 order = order * BRANCHES + scratch.combination[k]
             is_larger = out.pose_number < 0 or margin * (1.0 - TIE) > best
             is_apart, is_close = to_itself > gap + CLEARANCE_TIE, to_itself < gap - CLEARANCE_TIE
             if is_larger or is_apart or (order < rank and not is_close):
-                rank, gap, out.pose_number, out.w_b = order, to_itself, number, w_b
+                rank, gap, out.pose_number, out.w_b = order, to_itself, pose, w_b
                 out.is_node = w_b >= rule.thresholds.w_b and w_m >= rule.thresholds.w_m
                 for k in range(limbs):
                     b = scratch.combination[k]
-                    out.branch[k], out.w_m[k] = b, scratch.candidate.limbs[k].w[class_of(b)]
+                    out.branch[k], out.w_m[k] = b, scratch.w_m[k, class_of(b)]
             best = max(best, margin)
-            least = best * (1.0 - TIE)
+    return gap
+
+
+@kernel
+def set_base(search: PostureSearch, pose: int, least: float, scratch: PostureScratch) -> bool:
+    """Set the base to a candidate base pose; for the rest see `set_reach`."""
+    geometry, rule = search.geometry, search.rule
+    if rule.is_given:
+        place(geometry, search.given, scratch.base)  # the frame of the stance is the world
+    else:
+        set_pose(geometry, rule, pose, scratch.base)
+    place(geometry, scratch.base, scratch.base_in_world)
+    return set_reach(search.robot, geometry, scratch.base, least, scratch.w_m)
+
+
+@part
+def _base_touches(search: PostureSearch, scratch: PostureScratch) -> bool:
+    """Return whether the base touches a box that counts."""
+    base, surface = scratch.base_in_world, scratch.surface
+    return (
+        search.has_boxes
+        and compare_base_with_boxes(search.robot, base, search.grid, search.clearance, surface)
+        != CLEAR
+    )
+
+
+@kernel
+def _list_options(search: PostureSearch, least: float, scratch: PostureScratch) -> int:
+    """List the branches of each limb with a margin from `least` on on which it touches nothing.
+
+    They are placed, see `limb_fits`. Returned is the number of their combinations.
+    """
+    combinations = 1
+    for i in range(search.robot.limb_count):
+        count = EMPTY
+        for b in range(BRANCHES):
+            w = scratch.w_m[i, class_of(b)]
+            if w > 0.0 and w >= least * search.rule.scale_m and limb_fits(search, i, b, scratch):
+                scratch.options[i, count] = b
+                count += 1
+        scratch.option_count[i] = count
+        combinations *= count
+    return combinations
+
+
+@kernel
+def set_combination(limbs: int, number: int, scratch: PostureScratch) -> float:
+    """Set the combination of options by its number; return the minimum of `w_m` on it."""
+    w_m = np.inf
+    for i in range(limbs):
+        b = scratch.options[i, number % scratch.option_count[i]]
+        number //= scratch.option_count[i]
+        scratch.combination[i] = b
+        w_m = min(w_m, scratch.w_m[i, class_of(b)])
+    return w_m
+
+
+@kernel
+def base_manipulability(limbs: int, scratch: PostureScratch) -> float:
+    """Return `w_b` on the combination."""
+    total = scratch.sums[0]
+    for row in range(6):
+        for col in range(row + 1):
+            total[row, col] = 0.0
+            for i in range(limbs):
+                total[row, col] += scratch.information[i, scratch.combination[i], row, col]
+    return inverse_root_determinant(scratch.sums)
+
+
+@kernel
+def _gap_to_itself(search: PostureSearch, scratch: PostureScratch) -> float:
+    """Return the distance of the robot from itself on the combination [m].
+
+    Below the clearance to keep, it may be any distance that is too small.
+    """
+    combination = scratch.combination
+    gap: float = np.inf
+    for i in range(search.robot.limb_count):
+        gap = min(gap, scratch.gaps[i, combination[i]])
+        for j in range(i):
+            if gap < search.clearance:
+                return gap
+            between = gap_between_limbs(search, i, combination[i], j, combination[j], scratch)
+            gap = min(gap, between)
+    return gap

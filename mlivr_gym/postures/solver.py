@@ -10,6 +10,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, BoolArray, IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid, box_grid
+from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.collisions.queries import (
     CheckedPostures,
@@ -27,9 +28,10 @@ from mlivr_gym.postures.base_poses import (
     bases_at,
     candidates_of,
     pose_rules,
+    set_bases,
     set_codes,
 )
-from mlivr_gym.postures.postures import Postures
+from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.postures.reach import orders_of, sets_in_reach
 from mlivr_gym.postures.records import (
     MapPoints,
@@ -39,7 +41,8 @@ from mlivr_gym.postures.records import (
     StanceGeometry,
     Thresholds,
 )
-from mlivr_gym.postures.selection import solve_alone, solve_among_boxes
+from mlivr_gym.postures.relabelling import relabelled
+from mlivr_gym.postures.selection import solve_all
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.settings import Settings
 from mlivr_gym.world.grasp_map import GraspMap
@@ -114,7 +117,10 @@ class PostureSolver:
         """
         thresholds = self.settings.thresholds(self.robot.limbs)
         rules = self._rules(thresholds, self.settings.collisions, nodes_only=nodes_only)
-        return self._solve(stances, Pose.rows(1), rules)
+        postures = self._solve(stances, rules)
+        if self.settings.collisions:
+            self._avoid_boxes(stances, postures, rules)
+        return postures
 
     def at(
         self,
@@ -133,8 +139,11 @@ class PostureSolver:
         """
         collisions = self.settings.collisions if collisions is None else collisions
         rules = self._rules(thresholds, collisions)
-        rules["is_given"] = True
-        return self._solve(stances, poses(positions, rotations), rules)
+        rules["is_given"], rules["among_boxes"] = True, collisions
+        postures = self._solve(stances, rules, poses(positions, rotations))
+        if collisions:
+            postures.branch_sets[self.point_cause[stances].max(axis=1) != CLEAR] = 0
+        return postures
 
     def candidate_poses(self, stance: Sequence[int]) -> tuple[Array, Array]:
         """Return the candidate base poses of a stance given by point indices, in the world.
@@ -176,31 +185,69 @@ class PostureSolver:
         rules["thresholds"] = self._thresholds(thresholds)
         rules["scale_m"], rules["scale_b"] = scales
         rules["node_margin"], rules["nodes_only"] = margin * (1.0 - 3.0 * TIE), nodes_only
-        rules["check_branches"], rules["check_contacts"] = self.settings.transitions, collisions
+        rules["check_branches"] = self.settings.transitions
+        if not collisions:
+            rules["thresholds"]["clearance"] = 0.0
         return rules
 
     def _world(self, rules: Any) -> PostureWorld:
         """Return what all stances share, with a rule."""
         points = MapPoints(self.grasp_map.positions, self.grasp_map.rotations)
-        return PostureWorld(self.shapes.rows, rules, points, self.point_cause, self.boxes)
+        return PostureWorld(self.shapes.rows, rules, points, self.boxes)
 
-    def _solve(self, stances: IntArray, bases: Any, rules: Any) -> Postures:
-        """Compute the postures of stances by a rule, at bases if the rule has them given."""
+    def _codes(self, stances: IntArray, rules: Any) -> tuple[IntArray, IntArray]:
+        """Return codes of the relative geometries of stances, and their first limbs, (k,)."""
+        stances, points = np.ascontiguousarray(stances), self._world(rules).points
+        codes, first = (np.empty(len(stances), dtype=np.int64) for _ in range(2))
+        set_codes(stances, points, rules, StanceGeometry.rows(1), codes, first)
+        return codes, first
+
+    def _solve(self, stances: IntArray, rules: Any, given: Any = None) -> Postures:
+        """Compute the postures of stances by a rule, at base poses if the rule has them given.
+
+        Those of the robot alone are computed once for all stances of the same relative geometry.
+        """
         stances, world, limbs = np.ascontiguousarray(stances), self._world(rules), self.robot.limbs
-        first: IntArray = np.arange(len(stances))
-        same = first
-        if not rules["is_given"]:
-            codes = np.empty(len(stances), dtype=np.int64)
-            set_codes(stances, world.points, rules, StanceGeometry.rows(1), codes)
-            _, first, same = np.unique(codes, return_index=True, return_inverse=True)
-        alone = Posture.rows(len(first))
-        self._run(solve_alone, stances[first], bases, world, alone)
-        out = alone[same]
-        self._run(solve_among_boxes, stances, bases, world, out)
-        return Postures.of_rows(out, limbs)
-
-    def _run(self, kernel: Any, stances: IntArray, *args: object) -> None:
-        """Call an entry for some stances, in threads if they are many."""
-        least = LEAST_IN_THREADS if self.robot.limbs == 2 else MANY_LIMBS_IN_THREADS
+        count, is_given = len(stances), given is not None
+        codes, first = self._codes(stances, rules)
+        if rules["is_given"] or rules["among_boxes"]:
+            codes = np.arange(count)
+        _, one, same = np.unique(codes, return_index=True, return_inverse=True)
+        found = Posture.rows(len(one))
+        bases = given if is_given else Pose.rows(1)
+        least = LEAST_IN_THREADS if limbs == 2 else MANY_LIMBS_IN_THREADS
         with SCRATCH.borrowed() as rows:
-            in_parallel(len(stances), kernel, stances, *args, scratch_rows=rows, least=least)
+            in_parallel(
+                len(one), solve_all, stances[one], bases, world, found, scratch_rows=rows,
+                least=least,
+            )  # fmt: skip
+        found = found[same]
+        number = np.full(count, -1) if is_given else found["pose_number"].copy()
+        if not is_given:
+            bases = Pose.rows(count)
+            set_bases(stances, number, world.points, rules, StanceGeometry.rows(1), bases)
+            bases[number < 0] = np.zeros((), Pose.dtype)
+        w_m, branch, branch_sets = (
+            relabelled(found[name][:, :limbs], -first % limbs)
+            for name in ("w_m", "branch", "branch_sets")
+        )
+        return Postures(
+            bases["position"].copy(), bases["rotation"].copy(), w_m, found["w_b"].copy(), branch,
+            branch_sets, number, found["cause"].copy(),
+        )  # fmt: skip
+
+    def _avoid_boxes(self, stances: IntArray, postures: Postures, rules: Any) -> None:
+        """Remove branches that touch a box; where a posture does, choose one that does not."""
+        held = np.flatnonzero(postures.branch_sets.all(axis=1))
+        postures.cause[held] = self.point_cause[stances[held]].max(axis=1)
+        rows = held[postures.cause[held] == CLEAR]
+        _, first = self._codes(stances, rules)
+        checked = postures.checked(stances, self.settings.transitions, first)
+        self.remove_touching(rows, checked, self.boxes)
+        rows = rows[postures.cause[rows] != CLEAR]
+        rules["among_boxes"] = rules["nodes_only"] = True
+        others = self._solve(stances[rows], rules)
+        free = others.branch_sets.all(axis=1)
+        for name in FIELDS:
+            getattr(postures, name)[rows[free]] = getattr(others, name)[free]
+        postures.branch_sets[held[postures.cause[held] != CLEAR]] = 0

@@ -31,8 +31,7 @@ SECONDS = {
     "check_all": 2e-2,
     "check_supports": 2e-2,
     "release_all": 2e-2,
-    "solve_alone": 2e-2,
-    "solve_among_boxes": 2e-2,
+    "solve_all": 2e-2,
     "<lambda>": 4e-4,  # the kernels of fewest steps
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
@@ -203,7 +202,7 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
 
 def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
     """Where each takes a tenth of a second, as for a robot with numeric inverse kinematics."""
-    monkeypatch.setitem(SECONDS, "solve_among_boxes", 0.1)
+    monkeypatch.setitem(SECONDS, "solve_all", 0.1)
     given = query(without_a_table(), "base")
     machine = SlowMachine(monkeypatch)
     for limit in (0.5, 1.0, 2.0, 4.0):
@@ -212,7 +211,7 @@ def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
         began = machine.now
         planner.plan(*given, goal_tolerance=0.05, time_limit=limit)
         assert machine.now - began <= limit + OVERRUN
-    assert "solve_among_boxes" in machine.worked
+    assert "solve_all" in machine.worked
 
 
 @pytest.mark.parametrize("case", ["two limbs, steps known", "two limbs, obstacles"])
