@@ -91,8 +91,14 @@ PATHS = {
 }
 """Commands and programs by name."""
 
-ON_NEWEST = ("plan", "base cost", "environment", "simulate", "three limbs", "four limbs")
-"""Paths that are also measured with the newest Python."""
+ON_OLDEST = (
+    "help", "plan", "base cost", "obstacles", "simulate", "environment", "vector environment",
+    "three limbs", "four limbs",
+)  # fmt: skip
+"""Paths that are measured with the oldest Python; the others are for `ready_made.py`."""
+
+ON_NEWEST = ("plan", "simulate", "environment", "three limbs")
+"""Paths that are measured with the newest Python, too."""
 
 WITHOUT_NUMBA = ("help",)
 """Paths that compile nothing; counting compilations would import Numba."""
@@ -176,7 +182,7 @@ print(json.dumps({"Python": platform.python_version()} | {
 def installed(python: str, folder: Path, constraints: Path | None) -> str:
     """Install the package into a new environment in a folder; return its Python."""
     subprocess.run([python, "-m", "venv", str(folder)], check=True)
-    made = str(next(folder.glob("*/python*")))
+    made = str(folder / ("Scripts" if os.name == "nt" else "bin") / "python")
     limits = ["--constraint", str(constraints)] if constraints else []
     command = [made, "-m", "pip", "install", "--quiet", *limits, str(ROOT)]
     subprocess.run(command, check=True)
@@ -219,9 +225,9 @@ def markdown(data: dict[str, Any]) -> str:
             f"## Python {one['versions']['Python']}\n\n{versions}; a unit is {one['unit']:.1f} s; "
             f"other programs ran at a load of {max(one['load'], 0.0):.1f}.\n\n{table(head, rows)}"
         )
-    for path, given in PATHS.items():
-        if given.startswith("mlivr-gym"):
-            commands.append(f"* {path}: `{given}`\n")
+    for path in ON_OLDEST:
+        if PATHS[path].startswith("mlivr-gym"):
+            commands.append(f"* {path}: `{PATHS[path]}`\n")
     return f"""# First use of an installation
 
 Made by `experiments/start_up.py` on {data["cores"]} cores: `pip install .` into a fresh
@@ -243,7 +249,7 @@ def all_measured(newest: str) -> dict[str, Any]:
     found = []
     with tempfile.TemporaryDirectory() as folder:
         oldest = installed(sys.executable, Path(folder, "oldest"), ROOT / "constraints.txt")
-        found.append(measured(oldest, list(PATHS)))
+        found.append(measured(oldest, ON_OLDEST))
         if newest:
             python = installed(newest, Path(folder, "newest"), None)
             found.append(measured(python, ON_NEWEST))

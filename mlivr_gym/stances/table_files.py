@@ -176,16 +176,16 @@ class TableFiles(Generic[Table]):
         try:
             make_private(path.parent)
             if self.mapped:
-                write_whole(path, self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED))
+                content = self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED)
+                write_whole(path, content)
+                if len(content) > LARGE:
+                    text = "stored %s, %.0f MB; see `mlivr-gym cache`"
+                    logging.getLogger(__name__).warning(text, path, len(content) / 1e6)
             else:
                 self.write(graph, table, path)
         except (OSError, FileError) as error:
             logging.getLogger(__name__).warning("the table is not stored: %s", error)
             return None
-        size = path.stat().st_size
-        if size > LARGE:
-            text = "stored %s, %.0f MB; see `mlivr-gym cache`"
-            logging.getLogger(__name__).warning(text, path, size / 1e6)
         return path
 
     def pack(self, graph: CheckedSteps, arrays: Arrays, compression: int) -> bytes:
