@@ -79,19 +79,23 @@ def study(data: dict[str, Any]) -> str:
 def truth(data: dict[str, Any]) -> str:
     """Return the text on the checks against independent programs."""
     walks, optimal, collisions = data["walks"], data["optimality"], data["collisions"]
-    stances, steps, plans = (collisions[name] for name in ("stances", "steps", "plans"))
+    stances, plans, motions = collisions["stances"], collisions["plans"], data["motions"]["robots"]
+    made = sum(row["made"] for row in motions.values())
+    penetrating = sum(row["penetrating"] for row in motions.values())
+    least = 1000.0 * min(row["least"] for row in motions.values())
     return f"""{walks["put_together"]} of {walks["walks"]} random walks of {walks["steps"]} valid \
 steps have a complete motion. Of {optimal["queries"]} random queries on half the points, with
 collisions checked, {optimal["outcomes"].get("existence differs", 0)} differ from SciPy's Dijkstra \
 over `successors` in whether a plan exists, and the costs of {optimal["found"]} plans by at most
 {optimal["largest_difference"]:.0e}. MuJoCo's collision pipeline finds \
 {stances["free_penetrating"]} penetrations in {stances["free"]} random stances called free, \
-{steps["penetrating"]} along {steps["free"]} random steps
-and {plans["penetrating"]} along {plans["plans"]} random plans ({plans["configurations"]} \
+{penetrating} along the
+motions of {made} random steps of {len(motions)} robots, where coal measures at least {least:.1f} \
+mm, and {plans["penetrating"]} along {plans["plans"]} random plans ({plans["configurations"]} \
 configurations); coal's minimum distance over those stances is
 {1000 * stances["free_least_distance"]:.1f} mm. Of {stances["left_out"]} stances that only \
 collisions rule out, {stances["left_out_nearer_than_clearance"]} violate the clearance in their \
-best posture. {100 * steps["share_blocked"]:.0f} % of the
+best posture. {100 * collisions["share_blocked"]:.0f} % of the
 steps between free stances that are possible without collision checks are blocked.
 """
 
