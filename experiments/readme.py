@@ -162,19 +162,22 @@ def speed(planning: dict[str, Any], steps: dict[str, Any], start: dict[str, Any]
 
 def at_first(planning: dict[str, Any], start: dict[str, Any]) -> str:
     """Return how soon a new user has first results, in one paragraph."""
-    names = {"plan": "first command", "environment": "100 steps of the environment"}
-    sentences = []
-    for one in start["pythons"]:
-        of, python = one["paths"], one["versions"]["Python"]
-        firsts = [f"the {name} {of[path]['first']['wall']:.0f} s" for path, name in names.items()]
-        again = ", ".join(f"{of[path]['again']['wall']:.1f} s" for path in names)
-        sentences.append(f"Python {python}: {', '.join(firsts)}; again {again}.\n")
+
+    def told(path: str) -> str:
+        """Return the times of a path for each Python."""
+        runs = [(one["paths"][path], one["versions"]["Python"]) for one in start["pythons"]]
+        return " and ".join(
+            f"{run['first']['wall']:.0f} s ({run['again']['wall']:.1f} s from then on) on Python {python}"
+            for run, python in runs
+        )
+
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (
         "Machine code is compiled at first use, once for each version, unless the wheel has it for "
-        "your\nPython. With two cores and an empty cache, without the picture, on\n"
-        f"{''.join(sentences)}In a program, a plan to a new goal takes {new:.1f} ms (fewest steps, "
-        "median).\n"
+        "your\nPython. On two cores with an empty cache the first command takes, without the "
+        f"picture,\n{told('plan')};\nimport, `make`, `reset` and 100 steps of the environment take"
+        f"\n{told('environment')}.\nIn a program, a plan to a new goal takes {new:.1f} ms (fewest "
+        "steps, median).\n"
     )
 
 
