@@ -11,7 +11,7 @@ PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check $(addpre
 comma := ,
 EXTRAS := agents,data,dev,study,viewer$(if $(CONSTRAINTS),$(comma)dm)
 
-.PHONY: demo test lint types unit short test-docs slow browser coverage results compare kernels docs release clean
+.PHONY: demo test lint types unit short test-docs slow browser coverage results compare docs release clean
 
 demo: $(VENV)/.core
 	@echo "Plans the four cases of the paper's Table I in three modes, and carries the third out in MuJoCo:"
@@ -102,17 +102,13 @@ compare: $(VENV)/.dev
 	$(BIN)/python experiments/unknown_map.py
 	$(BIN)/python experiments/readme.py
 
-# Ready-made machine code for one Python, in envs_assets/, where Git ignores it.
-kernels: $(VENV)/.core
-	$(BIN)/python experiments/ready_made.py
-
 # The site, in docs/_build/html; a warning is an error.
 docs: $(VENV)/.docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet -b html docs docs/_build/html
 
 # Wheels and sdists, in dist/, with a README whose links work on a package index; see CONTRIBUTING.md.
-release: kernels
-	$(PIP) build wheel
+release: $(VENV)/.core
+	$(PIP) build
 	$(BIN)/python .ci/release.py --repository $(REPOSITORY)
 
 $(VENV)/bin/python:

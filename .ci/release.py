@@ -7,9 +7,6 @@ On a package index they would lead nowhere. The build therefore copies the track
 README's links absolute at the tag of the version, and adds `[project.urls]` to the copy of
 `pyproject.toml`. The address of the repository is an argument and is stored nowhere.
 
-Machine code fits one Python and one Numba, so it is in no repository and in no wheel for all
-Pythons: a second wheel, for the Python that runs this, has what `make kernels` compiled.
-
 The tables of three and four limbs are two thirds of all data and of use to few, so a distribution
 of their own, `mlivr-gym-tables`, puts them into the folder in which the package looks for data.
 """
@@ -23,7 +20,6 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from sysconfig import get_config_var
 
 ROOT = Path(__file__).parent.parent
 
@@ -116,27 +112,6 @@ def build(repository: str, number: str, out: Path) -> None:
         for place in (copy, tables):
             command = [sys.executable, "-m", "build", "--outdir", str(out.resolve()), str(place)]
             subprocess.run(command, check=True)
-    for archive in (ROOT / "envs_assets").glob(f"kernels-{get_config_var('SOABI')}.zip"):
-        with_machine_code(next(out.glob("mlivr_gym-*-py3-none-any.whl")), archive)
-
-
-def with_machine_code(plain: Path, archive: Path) -> None:
-    """Write a wheel for this Python beside a wheel for all, with machine code in it."""
-    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    with tempfile.TemporaryDirectory() as folder:
-        _wheel("unpack", plain, "--dest", folder)
-        (inside,) = Path(folder).iterdir()
-        shutil.copy2(archive, inside / "mlivr_gym" / "envs_assets")
-        _wheel("pack", inside, "--dest-dir", folder)
-        _wheel("tags", "--remove", "--python-tag", python, Path(folder, plain.name))
-        (made,) = Path(folder).glob("*.whl")
-        shutil.move(made, plain.parent)
-
-
-def _wheel(*words: str | Path) -> None:
-    """Run a command of the tool `wheel`."""
-    command = [sys.executable, "-m", "wheel", *map(str, words)]
-    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
 def separate_tables(copy: Path, number: str, links: str) -> Path:

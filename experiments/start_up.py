@@ -95,7 +95,7 @@ ON_OLDEST = (
     "help", "plan", "base cost", "obstacles", "simulate", "environment", "vector environment",
     "three limbs", "four limbs",
 )  # fmt: skip
-"""Paths that are measured with the oldest Python; the others are for `ready_made.py`."""
+"""Paths that are measured with the oldest Python; the others are for tests."""
 
 ON_NEWEST = ("plan", "simulate", "environment", "three limbs")
 """Paths that are measured with the newest Python, too."""

@@ -25,6 +25,7 @@ from time_limit import MOST, time_limit
 from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
+from mlivr_gym.compiled.kernels import LateEntry
 from mlivr_gym.planners import Planner, plan_of
 
 # The same examples in every run; HYPOTHESIS_PROFILE=fresh draws others.
@@ -34,6 +35,8 @@ ANY_TIME = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
 settings.register_profile("reproducible", derandomize=True, **ANY_TIME)
 settings.register_profile("fresh", print_blob=True, **ANY_TIME)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "reproducible"))
+
+LateEntry.patience = 0.0  # tests are about compiled code
 
 
 @pytest.hookimpl(wrapper=True)

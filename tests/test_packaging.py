@@ -37,7 +37,6 @@ def built(tmp_path_factory):
     shutil.copytree(ROOT, root, symlinks=True, ignore=shutil.ignore_patterns(*needless))
     for path in (root / "envs_assets").iterdir():
         path.write_bytes(b"" if path.suffix in {".npz", ".pt"} else path.read_bytes())
-    (root / "envs_assets" / "kernels-this.zip").write_bytes(b"machine code of a checkout")
     build(root, out, "--wheel")
     tree = next(out.glob("*.whl")).rename(out / "tree.zip")
     build(root, out)
@@ -53,23 +52,6 @@ def contents(wheel):
 
 def test_the_wheel_has_one_top_level_package(built):
     assert {name.split("/")[0] for name in contents(built[1])} == {"mlivr_gym"}
-
-
-def test_machine_code_is_only_in_a_wheel_for_its_python(built, release, tmp_path):
-    assert not [name for name in contents(built[0]) if name.endswith(".zip")]
-    plain = shutil.copy(built[1], tmp_path)
-    archive = tmp_path / "kernels-cpython.zip"
-    archive.write_bytes(b"machine code")
-    release.with_machine_code(Path(plain), archive)
-    (other,) = set(tmp_path.glob("*.whl")) - {Path(plain)}
-    here = f"cp{sys.version_info.major}{sys.version_info.minor}"
-    assert other.name == Path(plain).name.replace("py3-none-any", f"{here}-none-any")
-    added = {"mlivr_gym/envs_assets/kernels-cpython.zip": b"machine code"}
-    assert contents(other) == contents(plain) | added
-    target = tmp_path / "site"
-    line = f"-m pip install --quiet --no-deps --target {target} {other}"  # compares the RECORD
-    subprocess.run([sys.executable, *line.split()], check=True, capture_output=True)
-    assert (target / "mlivr_gym/envs_assets/kernels-cpython.zip").read_bytes() == b"machine code"
 
 
 def test_wheels_from_sdist_and_tree_are_equal(built):

@@ -46,7 +46,7 @@ MOST_LINES, MOST_FUNCTION_LINES, MOST_PARAMETERS = 400, 60, 6
 MOST_OF_KERNELS, MEAN_OF_KERNELS = 8, 4.0
 """Parameters of a kernel, at most and on average."""
 
-PRIVATE = {"compiled.kernels", "compiled.ready_made"}
+PRIVATE = {"compiled.kernels", "compiled.machine_code"}
 """What may use something private of the compiler; it says what and why."""
 
 
@@ -121,7 +121,7 @@ def functions(path):
 def is_kernel(node):
     marks = [mark.func if isinstance(mark, ast.Call) else mark for mark in node.decorator_list]
     names = {mark.id for mark in marks if isinstance(mark, ast.Name)}
-    return bool(names & {"kernel", "part", "entry", "njit"})
+    return bool(names & {"kernel", "part", "entry", "late_entry", "njit"})
 
 
 def names_given(path):

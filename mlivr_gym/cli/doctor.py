@@ -90,21 +90,18 @@ def _cache_report() -> dict[str, Any]:
     """Return the state of compiled code and of the cache folders."""
     import numba  # which may be broken
 
-    from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_digest, kernel_root
-    from mlivr_gym.compiled.ready_made import FIRST_PLAN, why_compiled
+    from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
 
     tables, code = cache_folder(), kernel_root()
     stored = list(tables.glob("table-*-unpacked.npz")) if tables is not None else []
-    why = why_compiled(kernel_digest(FIRST_PLAN))
     return {
         "compiled_code": "switched off by NUMBA_DISABLE_JIT"
         if vars(numba.config)["DISABLE_JIT"]
         else f"numba {numba.__version__}, {numba.get_num_threads()} threads",
-        "ready_made_machine_code": f"not used: {why}" if why else "used",
         "machine_code_kept_in": str(code),
         "machine_code_kept": "yes"
         if any(code.glob("*/*/*.nbc"))
-        else "not yet: the first plan, or `mlivr-gym warmup`, compiles what is not ready-made",
+        else "not yet: the first plan, or `mlivr-gym warmup`, compiles",
         "step_tables_kept_in": str(tables)
         if tables is not None
         else f"nowhere: {CACHE_VARIABLE} is empty",

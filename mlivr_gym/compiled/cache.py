@@ -22,7 +22,7 @@ IMPORT = re.compile(
 )
 """An import from the package at module level: the module, and the names imported from it."""
 
-KERNEL = re.compile(r"^@(?:entry|kernel|part)$", re.MULTILINE)
+KERNEL = re.compile(r"^@(?:entry|late_entry|kernel|part)$", re.MULTILINE)
 """What the kernels of a file begin with."""
 
 CLASSES = re.compile(r"[(\s]*(?:[A-Z]\w*[a-z]\w*[,\s)]*)+")

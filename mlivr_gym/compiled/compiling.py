@@ -8,8 +8,6 @@ from typing import Any
 
 from numba.core import event
 
-from mlivr_gym.compiled.ready_made import archive
-
 TOLD_AFTER = 0.5
 """Time of compilation after which it is told [s]."""
 
@@ -59,11 +57,10 @@ class Compilation(event.Listener):
         is_terminal = sys.stderr.isatty()
         clear = "\r\033[K" if is_terminal else ""
         if not self._is_announced:
-            self._is_announced, found = True, archive()
-            why = found if isinstance(found, str) else f"it has no {self.names[0]} of these sources"
+            self._is_announced = True
             print(
                 f"{clear}mlivr-gym: compiling for this machine, once for this version, which may "
-                f"take a minute; no ready-made machine code is used: {why}",
+                "take a minute",
                 file=sys.stderr,
                 flush=True,
             )

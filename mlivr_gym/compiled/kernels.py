@@ -1,31 +1,31 @@
 """Decorators that compile kernels with Numba, and the threads that share their work.
 
-Three decorators say who calls a function: only other kernels (`kernel`), exactly one kernel
-(`part`), or Python (`entry`). Only entries are cached on disk, with all functions that they call.
+Decorators say who calls a function: only other kernels (`kernel`), exactly one kernel (`part`), or
+Python (`entry`, `late_entry`). Only what Python calls is cached on disk, with all that it calls. A
+late entry is one that takes long to compile and whose calls are few and short: Python interprets it
+until that has taken some time, so that a single plan does not wait for the compiler.
 """
 
 from __future__ import annotations
 
 import logging
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, update_wrapper
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
+import numpy as np
 from numba import config, njit
 from numba.core import event
 
-from mlivr_gym.compiled.cache import (
-    kernel_digest,
-    kernel_folder,
-    make_private,
-    writable_by_others,
-)
+from mlivr_gym.compiled.cache import kernel_folder, make_private, writable_by_others
 from mlivr_gym.compiled.compiling import compilation
-from mlivr_gym.compiled.ready_made import offer
+from mlivr_gym.compiled.interpreted import as_readable, interpreted
+from mlivr_gym.compiled.machine_code import guard, is_stored
 
 Parameters = ParamSpec("Parameters")
 Returned = TypeVar("Returned")
@@ -79,9 +79,9 @@ def part(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retur
 def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
     """Compile a function that Python calls, on its first call, or load its cached machine code.
 
-    The machine code comes from the cache folder or from the archive in the package. Its key is the
-    content of the file and of all files that it imports. Numba's own key is the file alone, with
-    which a caller would keep old machine code of a callee that was edited in another file.
+    The key of the machine code is the content of the file and of all files that it imports. Numba's
+    own key is the file alone, with which a caller would keep old machine code of a callee that was
+    edited in another file.
     """
     settings: Any = config  # its attributes are set when it is loaded
     given = settings.CACHE_DIR
@@ -93,8 +93,50 @@ def entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Retu
     finally:
         settings.CACHE_DIR = given
     if not settings.DISABLE_JIT:
-        offer(compiled, kernel_digest(Path(function.__code__.co_filename)))
+        guard(compiled)
     return compiled
+
+
+def late_entry(function: Callable[Parameters, Returned]) -> Callable[Parameters, Returned]:
+    """Interpret a function that Python calls, and compile it once that has taken some time.
+
+    Both give the same numbers. What it writes must not depend on what it finds there, since a call
+    that the interpreter refuses is repeated.
+    """
+    settings: Any = config
+    compiled = entry(function)
+    late: Any = compiled if settings.DISABLE_JIT else LateEntry(compiled)
+    called: Callable[Parameters, Returned] = late
+    return called
+
+
+class LateEntry:
+    """Function that is interpreted until it is worth to compile it; see `late_entry`."""
+
+    patience = 2.0
+    """Time of interpretation in one process after which a function is compiled [s]."""
+
+    def __init__(self, compiled: Any) -> None:
+        """Take the function as `entry` returns it."""
+        self.py_func = compiled.py_func
+        self._compiled = compiled
+        self._spent = 0.0
+        self._is_due = False
+        update_wrapper(self, compiled.py_func)
+
+    def __call__(self, *given: Any) -> Any:
+        """Call the function."""
+        self._is_due = self._is_due or self._spent >= self.patience or is_stored(self._compiled)
+        if not self._is_due:
+            began = time.perf_counter()
+            try:
+                with np.errstate(all="ignore"):
+                    return interpreted(self.py_func)(*map(as_readable, given))
+            except (ArithmeticError, ValueError):
+                pass  # where machine code goes on with an infinity or no number
+            finally:
+                self._spent += time.perf_counter() - began
+        return self._compiled(*given)
 
 
 def _usable(folder: Path) -> bool:
@@ -113,9 +155,8 @@ def _usable(folder: Path) -> bool:
     if fault and folder_name not in _warned:
         _warned.add(folder_name)
         logging.getLogger(__name__).warning(
-            "machine code is not cached in %s: %s; kernels that do not ship with the package are "
-            "compiled in every process, which may take minutes; set MLIVR_GYM_CACHE to a folder "
-            "that only you can write",
+            "machine code is not cached in %s: %s; kernels are compiled in every process, which "
+            "may take minutes; set MLIVR_GYM_CACHE to a folder that only you can write",
             folder_name,
             fault,
         )

@@ -8,6 +8,9 @@ With compilation switched off both notations work.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+from operator import itemgetter
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -49,20 +52,37 @@ Joints = Annotated[Array, (6,)]
 """Field with one number for each joint of a limb."""
 
 
-class PlainRow(np.record):  # type: ignore[misc]
-    """Record used where compilation is switched off, whose fields are attributes.
+@cache
+def readable(kind: np.dtype[Any]) -> np.dtype[Any]:
+    """Return a type of the same layout, whose records have their fields as attributes, too.
 
-    NumPy's own records hide a field whose name is an attribute of their class, such as `base`.
+    That is how kernels read them; Python's own code, for which it is slower, does not need it.
+    Other types are returned as they are. NumPy's `recarray` hides fields that are called like
+    attributes of its classes, such as `base`.
     """
+    if kind.subdtype is not None:
+        inner, shape = kind.subdtype
+        return np.dtype((readable(inner), shape))
+    if kind.names is None:
+        return kind
+    fields = [kind.fields[name] for name in kind.names]  # type: ignore[index]
+    layout: Any = {
+        "names": kind.names,
+        "formats": [readable(field[0]) for field in fields],
+        "offsets": [field[1] for field in fields],
+        "itemsize": kind.itemsize,
+    }
+    attributes = {name: property(itemgetter(name), _setter(name)) for name in kind.names}
+    return np.dtype((type("Row", (np.void,), attributes), np.dtype(layout)))
 
-    def __getattribute__(self, name: str) -> Any:
-        """Return a field, or else the attribute of NumPy's record."""
-        fields = np.void.__getattribute__(self, "dtype").fields
-        return self[name] if name in fields else np.void.__getattribute__(self, name)
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        """Set a field."""
-        self[name] = value
+def _setter(name: str) -> Callable[[Any, Any], None]:
+    """Return a function that sets a field of a record."""
+
+    def set_field(row: Any, value: Any) -> None:
+        row[name] = value
+
+    return set_field
 
 
 class Record:
@@ -105,11 +125,8 @@ class Record:
             size, widest = offsets[-1] + kind.itemsize, max(widest, alignment)
         layout: Any = {"names": list(fields), "formats": list(fields.values()), "offsets": offsets}
         layout["itemsize"] = -(-size // widest) * widest
-        if _settings.DISABLE_JIT:
-            cls.dtype = np.dtype((PlainRow, np.dtype(layout)))
-        else:
-            # No `PlainRow`: Python takes a microsecond to read a field of one as an attribute.
-            cls.dtype = np.dtype(layout, align=True)
+        aligned = np.dtype(layout, align=True)
+        cls.dtype = readable(aligned) if _settings.DISABLE_JIT else aligned
 
     @classmethod
     def rows(cls, *shape: int) -> Any:

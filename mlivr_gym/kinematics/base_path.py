@@ -6,6 +6,7 @@ is a straight line, rotation is slerp.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,7 +114,7 @@ def pose_on_path(path: BasePath, s: float, out: Pose) -> None:
     here = along(start, s, minus(vector(path.last.position), start))
     out.position[0], out.position[1], out.position[2] = here
     axis, rotation = vector(path.axis), path.first.rotation
-    c, sine = np.cos(s * path.angle), np.sin(s * path.angle)
+    c, sine = math.cos(s * path.angle), math.sin(s * path.angle)
     for row in range(3):
         # A row of R exp(w) is the row of R turned back.
         axes = turn(axis, c, -sine, (rotation[row, 0], rotation[row, 1], rotation[row, 2]))

@@ -7,6 +7,7 @@ and the last one that of the flange. A joint that is locked belongs to the step 
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import numpy as np
@@ -236,8 +237,8 @@ def bend_by(arm: Chain, q: Array) -> Bend:
 @kernel
 def bend_of_turns(a: float, b: float, c: float, d: float, e: float) -> Bend:
     """Return cosines and sines of the turns of joints 1 to 5 [rad]."""
-    c1, c2, c3, c4, c5 = np.cos(a), np.cos(b), np.cos(c), np.cos(d), np.cos(e)
-    s1, s2, s3, s4, s5 = np.sin(a), np.sin(b), np.sin(c), np.sin(d), np.sin(e)
+    c1, c2, c3, c4, c5 = math.cos(a), math.cos(b), math.cos(c), math.cos(d), math.cos(e)
+    s1, s2, s3, s4, s5 = math.sin(a), math.sin(b), math.sin(c), math.sin(d), math.sin(e)
     return Bend(c1, s1, c2, s2, c3, s3, c4, s4, c5, s5)
 
 
@@ -249,7 +250,7 @@ def link_frames(arm: Chain, q: Array, frames: Array) -> None:
     y, z, z along the joint.
     """
     links, last = links_at(arm, bend_by(arm, q)), arm.sense[5] * q[5]
-    flange = turned_frame(stepped(arm, 5, links.f5), np.cos(last), np.sin(last))
+    flange = turned_frame(stepped(arm, 5, links.f5), math.cos(last), math.sin(last))
     set_frames(links, flange, frames)
 
 

@@ -9,6 +9,7 @@ the other way and be elsewhere at zero.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,9 +86,9 @@ def branch_posture(
 @kernel
 def _set_angles(arm: Chain, b: Bend, x: Triple, last: Frame, q: Array) -> None:
     """Write joint angles by the flange's first axis, and its frame where joint 6 is not turned."""
-    q[0], q[1], q[2] = np.arctan2(b.s1, b.c1), np.arctan2(b.s2, b.c2), np.arctan2(b.s3, b.c3)
-    q[3], q[4] = np.arctan2(b.s4, b.c4), np.arctan2(b.s5, b.c5)
-    q[5] = np.arctan2(dot(x, last.y), dot(x, last.x))
+    q[0], q[1], q[2] = math.atan2(b.s1, b.c1), math.atan2(b.s2, b.c2), math.atan2(b.s3, b.c3)
+    q[3], q[4] = math.atan2(b.s4, b.c4), math.atan2(b.s5, b.c5)
+    q[5] = math.atan2(dot(x, last.y), dot(x, last.x))
     for joint in range(6):
         q[joint] *= arm.sense[joint]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import kernel, late_entry
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.chain import TURN, Chain, FlangeAxis, in_window
 from mlivr_gym.kinematics.inverse import SINGULAR_TOO, branch_angles, branch_posture
@@ -73,7 +73,7 @@ def posture_at(
     return branch_posture(limb.arm, seen, x, branch, SINGULAR_TOO, q, frames)
 
 
-@entry
+@late_entry
 def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) -> None:
     """Compute the joint angles with which N limbs hold at k stances, in their windows.
 
@@ -92,7 +92,7 @@ def held_angles(robots: Any, bases: Any, grasps: Any, bits: IntArray, out: Any) 
                 q[joint] = in_window(q[joint], limb.arm.window[joint, 0]) if there else np.nan
 
 
-@entry
+@late_entry
 def all_angles_at(robots: Any, i: int, base: Pose, flange: Pose, out: Any) -> None:
     """Compute the joint angles of limb `i` on every branch, with flip 0, in the joints' windows.
 
@@ -129,7 +129,7 @@ def joints_along(
     return joints
 
 
-@entry
+@late_entry
 def _angles_along(robots: Any, i: int, bases: Any, flanges: Any, branch: int, out: Any) -> None:
     """Fill rows of `Angles` with those at many poses, NaN where the branch does not exist."""
     limb = robots[0].limbs[i]

@@ -19,6 +19,7 @@ Both branches of a class count with the smaller `|det J|` of the two.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -160,9 +161,9 @@ def name_of(arm: Chain, links: Links, q: Angles5) -> int:
     wrist, _ = wrist_and_axis(arm, links)
     ahead = dot(cross(links.f1.z, links.f2.z), minus(wrist, links.f1.o))
     out = 4 if ahead < 0.0 else 0
-    if np.sin(q.q3 - arm.form.elbow) < 0.0:
+    if math.sin(q.q3 - arm.form.elbow) < 0.0:
         out += 2
-    if np.sin(q.q5 - arm.form.bend) < 0.0:
+    if math.sin(q.q5 - arm.form.bend) < 0.0:
         out += 1
     return out
 
@@ -173,8 +174,8 @@ def solution(arm: Chain, flange: FlangeAxis, branch: int) -> tuple[bool, Bend]:
     wrist, axis = along(flange.p, -arm.form.past_wrist, flange.z), flange.z
     seeds: Any = arm.form.seeds[branch]
     radius = np.sqrt(wrist[0] * wrist[0] + wrist[1] * wrist[1])
-    azimuth = np.arctan2(wrist[1], wrist[0])
-    c, s = np.cos(azimuth), np.sin(azimuth)
+    azimuth = math.atan2(wrist[1], wrist[0])
+    c, s = math.cos(azimuth), math.sin(azimuth)
     out, across = c * axis[0] + s * axis[1], c * axis[1] - s * axis[0]
     share, farther = 1.0 / arm.form.unit, -1.0
     for _ in range(TRIES):
@@ -216,11 +217,11 @@ def refined(arm: Chain, flange: FlangeAxis, form: Bend) -> tuple[bool, Bend]:
     Returned is whether there is such a solution within `FARTHEST` of the given one, and it.
     """
     start = Angles5(
-        np.arctan2(form.s1, form.c1),
-        np.arctan2(form.s2, form.c2),
-        np.arctan2(form.s3, form.c3),
-        np.arctan2(form.s4, form.c4),
-        np.arctan2(form.s5, form.c5),
+        math.atan2(form.s1, form.c1),
+        math.atan2(form.s2, form.c2),
+        math.atan2(form.s3, form.c3),
+        math.atan2(form.s4, form.c4),
+        math.atan2(form.s5, form.c5),
     )
     found = solved(arm, flange, start)
     q, there = found.q, found.there

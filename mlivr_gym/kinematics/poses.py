@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -108,7 +109,7 @@ def relative_rotation(r0: Array, r1: Array) -> tuple[float, Triple]:
     m12, m21 = dot(d, v), dot(g, s)
     x, y, z = m21 - m12, m02 - m20, m10 - m01
     sine2 = np.sqrt(x * x + y * y + z * z)
-    angle: float = np.arctan2(sine2, m00 + m11 + m22 - 1.0)
+    angle: float = math.atan2(sine2, m00 + m11 + m22 - 1.0)
     if sine2 < 1e-7:
         x, y, z = 1.0, 0.0, 0.0
         if angle > 1.0:
@@ -158,9 +159,9 @@ def _quaternions(poses: Any, out: Array) -> None:
     """Write quaternions of the poses after the first, in its axes, into `out`, shape (k, 4)."""
     for k in range(len(out)):
         angle, axis = relative_rotation(poses[0].rotation, poses[k + 1].rotation)
-        out[k, 0] = np.cos(0.5 * angle)
+        out[k, 0] = math.cos(0.5 * angle)
         for c in range(3):
-            out[k, c + 1] = np.sin(0.5 * angle) * axis[c]
+            out[k, c + 1] = math.sin(0.5 * angle) * axis[c]
 
 
 def quaternion(rotation: Array) -> Array:

@@ -18,6 +18,7 @@ turn of the tool about its axis is a half turn of joint 6 and changes nothing el
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -123,11 +124,11 @@ def form_bend(form: Form, flange: FlangeAxis, branch: int, slack: float) -> tupl
     if slack == 0.0 and s5 * s5 < SINGULAR:
         return False, none
     if wrist.s5 < WRIST_SINGULAR:
-        theta = np.arctan2(wrist.u, -wrist.height)
-        closest = np.hypot(wrist.u, wrist.height) - abs(form.d5)
+        theta = math.atan2(wrist.u, -wrist.height)
+        closest = np.sqrt(wrist.u * wrist.u + wrist.height * wrist.height) - abs(form.d5)
         if abs(closest) < abs(abs(form.a2) - abs(form.a3)):
             theta += np.pi
-        s5, sin_theta, cos_theta = 0.0, np.sin(theta), np.cos(theta)
+        s5, sin_theta, cos_theta = 0.0, math.sin(theta), math.cos(theta)
     else:
         sin_theta, cos_theta = -z[2] / s5, -wrist.radial / s5
     x, y, c3 = forearm_end(form, wrist, sin_theta, cos_theta)

@@ -18,6 +18,7 @@ number, roll by roll and in each by its height, which is all that a table needs 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -297,7 +298,7 @@ def set_pose(geometry: StanceGeometry, rule: PostureRule, number: int, base: Pos
     kind, line, (x, y, z) = geometry.opposed, vector(geometry.line), columns(geometry.frame)
     roll = rule.rolls[kind, number // rule.height_count[kind]]
     height = rule.heights[kind, number % rule.height_count[kind]]
-    c, s = np.cos(roll), np.sin(roll)
+    c, s = math.cos(roll), math.sin(roll)
     up = turn(line, c, s, vector(geometry.out))
     set_columns(base.rotation, turn(line, c, s, x), turn(line, c, s, y), turn(line, c, s, z))
     for k in range(3):

@@ -16,7 +16,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, only
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import kernel, late_entry
 from mlivr_gym.compiled.records import Joints, Record, Rows
 from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, FlangeAxis, in_window, link_frames
 from mlivr_gym.kinematics.grasps import Grasp
@@ -138,7 +138,7 @@ def _flips_in_windows(limb: LimbModel, branch: int, to: Departure) -> int:
     return found
 
 
-@entry
+@late_entry
 def departure_of(robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Departure) -> int:
     """Call `set_departure` for limb `i` of a row of `RobotModel`, shape (1,), and its lift."""
     return set_departure(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)

@@ -44,7 +44,7 @@ from mlivr_gym.compiled.bit_sets import (
     only,
     without_branch,
 )
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import entry, kernel, late_entry
 from mlivr_gym.kinematics.base_path import comes_first, set_path
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.records import Limbs
@@ -338,7 +338,7 @@ def _keep_apart(i: int, j: int, context: StepContext, scratch: StepScratch) -> N
                 clear[i] = without_branch(clear[i], b)
 
 
-@entry
+@late_entry
 def line_clear(moving: int, robots: Any, world: WorldRecord, rows: Any) -> bool:
     """Return whether a limb is clear along a line while the base moves straight or rests.
 

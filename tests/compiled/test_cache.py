@@ -106,7 +106,7 @@ def names_in_kernels(tree):
     kernels = [
         f
         for f in functions
-        if {"entry", "kernel", "part"} & {ast.unparse(d) for d in f.decorator_list}
+        if {"entry", "late_entry", "kernel", "part"} & {ast.unparse(d) for d in f.decorator_list}
     ]
     statements = [statement for f in kernels for statement in f.body]
     for statement in [node for s in statements for node in ast.walk(s)]:

@@ -13,10 +13,7 @@ from types import SimpleNamespace
 import pytest
 from small_package import package_in, run_with
 
-from mlivr_gym.compiled import cache, compiling, ready_made
-
-WITHOUT_ARCHIVE = {"NUMBA_CPU_NAME": "generic"}
-"""For a processor that is named none is ready-made."""
+from mlivr_gym.compiled import cache, compiling, machine_code
 
 CLEAR = "\r\x1b[K"
 
@@ -45,9 +42,9 @@ def package(tmp_path):
 def test_what_a_killed_process_compiled_is_not_compiled_again(package, tmp_path):
     """Each function is stored when it is compiled, and the second run compiles the rest alone."""
     kept = tmp_path / "kept"
-    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE, KILLED="1") == ["21 3"]
-    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 3"]
-    assert run_with(package, kept, ASK, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
+    assert run_with(package, kept, ASK, KILLED="1") == ["21 3"]
+    assert run_with(package, kept, ASK) == ["21 0", "22 3"]
+    assert run_with(package, kept, ASK) == ["21 0", "22 0"]
 
 
 @pytest.mark.parametrize("kind", ["nbi", "nbc"])
@@ -55,13 +52,13 @@ def test_damaged_machine_code_is_told_and_compiled_again(package, tmp_path, kind
     """Where a file was cut off, as its list and its content may be when a disk is full."""
     kept = tmp_path / "kept"
     told = f"import logging; logging.basicConfig(stream=__import__('sys').stdout){ASK}"
-    run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    run_with(package, kept, told)
     (path,) = kept.rglob(f"caller.outer-*.{kind}")
     path.write_bytes(path.read_bytes()[:60])
-    line, *found = run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    line, *found = run_with(package, kept, told)
     assert f"machine code in {path.parent} cannot be read" in line
     assert found == ["21 3", "22 3"]
-    assert run_with(package, kept, told, **WITHOUT_ARCHIVE) == ["21 0", "22 0"]
+    assert run_with(package, kept, told) == ["21 0", "22 0"]
 
 
 @pytest.mark.filterwarnings("ignore:.*fork")
@@ -78,7 +75,7 @@ def test_threads_and_processes_that_store_at_once_lose_nothing(tmp_path):
             (tmp_path / "count").write_text(str(before + 1))
 
     def store():
-        ready_made._CacheWithArchive(Inner(), "name").save_overload("signature", "compiled")
+        machine_code._GuardedCache(Inner()).save_overload("signature", "compiled")
 
     threads = [threading.Thread(target=store) for _ in range(8)]
     for thread in threads:
@@ -108,18 +105,18 @@ print(outer(1), outer.stats.cache_path, sum(outer.stats.cache_hits.values()))
 def test_machine_code_that_others_may_change_is_not_used(package, tmp_path, place, mode):
     """Whoever may write there could have any code executed; one line says that it is not used."""
     kept = tmp_path / "kept"
-    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "0"
-    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "1"
+    assert run_with(package, kept, LOOK)[0].split()[2] == "0"
+    assert run_with(package, kept, LOOK)[0].split()[2] == "1"
     (digest,) = (kept / "kernels").iterdir()
     opened = tmp_path / place.replace("DIGEST", digest.name)
     opened.chmod(mode)
     told = f"import logging; logging.basicConfig(stream=__import__('sys').stdout){LOOK}"
-    warned, found = run_with(package, kept, told, **WITHOUT_ARCHIVE)
+    warned, found = run_with(package, kept, told)
     assert found == "21 None 0"
     assert str(opened) in warned
     assert "other users" in warned
     opened.chmod(0o755)
-    assert run_with(package, kept, LOOK, **WITHOUT_ARCHIVE)[0].split()[2] == "1"
+    assert run_with(package, kept, LOOK)[0].split()[2] == "1"
 
 
 def test_a_folder_in_which_all_may_make_files_is_for_own_folders_alone(tmp_path, monkeypatch):
@@ -170,7 +167,6 @@ def compilation(monkeypatch):
     clock, stream = [100.0], Terminal()
     monkeypatch.setattr(compiling, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     monkeypatch.setattr(compiling, "sys", SimpleNamespace(stderr=stream))
-    monkeypatch.setattr(compiling, "archive", lambda: "the reason")
     return compiling.Compilation(), clock, stream
 
 
@@ -189,7 +185,6 @@ def test_a_line_tells_what_is_compiled_and_why(compilation):
     assert found.text == "compiling check_all"
     announced, line = stream.getvalue().removeprefix(CLEAR).split("\n")
     assert announced.startswith("mlivr-gym: compiling for this machine, once for this version")
-    assert announced.endswith("the reason")
     assert line == f"{CLEAR}compiling check_all, 3 s"
     found.on_end(of("min", "numba.cpython.builtins"))
     found.on_end(of("check_all"))
@@ -247,7 +242,7 @@ QUERY = "--start D2a:4 D2b:4 --goal 6.0 0 0.42"
 
 @pytest.mark.slow
 def test_after_warmup_a_plan_compiles_nothing_and_no_command_compiles_twice(tmp_path):
-    """On a Python or a processor that no archive serves, and with an empty cache."""
+    """With an empty cache."""
     plans = [f"plan {QUERY} --cost {cost}" for cost in ("base", "steps")]
     drawn = f"plan {QUERY} --picture {tmp_path / 'plan.png'}"
     small = f"plan --map columbus --picture {tmp_path / 'plan.png'}"
@@ -255,7 +250,7 @@ def test_after_warmup_a_plan_compiles_nothing_and_no_command_compiles_twice(tmp_
     def compiled(*commands):
         done = subprocess.run(
             [sys.executable, "-c", COMMANDS.format(commands=commands)],
-            env=os.environ | WITHOUT_ARCHIVE | {cache.CACHE_VARIABLE: str(tmp_path / "kept")},
+            env=os.environ | {cache.CACHE_VARIABLE: str(tmp_path / "kept")},
             capture_output=True,
             text=True,
             check=False,

@@ -17,7 +17,7 @@ ROOT = TESTS.parent
 PACKAGE = ROOT / "mlivr_gym"
 SUPPORT = (TESTS / "support", ROOT / "experiments")
 """Folders of what tests import."""
-MARKS = {"kernel", "part", "entry"}
+MARKS = {"kernel", "part", "entry", "late_entry"}
 LIBRARIES = {
     "SciPy": "scipy", "Pinocchio": "pinocchio", "Coal": "coal", "MuJoCo": "mujoco",
     "networkx": "networkx", "heapq": "heapq", "NumPy": "numpy", "EAIK": "eaik",

@@ -9,6 +9,7 @@ from compiled import called
 from numba import config
 
 from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.compiled.interpreted import as_readable, interpreted
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Matrix, Record, Rows, Vector
 
@@ -177,3 +178,13 @@ def test_a_field_may_be_called_like_an_attribute_of_numpy():
     assert called(count_up)(clash) == 3042.5
     assert (clash["size"], clash["base"]["radius"]) == (42, 0.5)
     assert clash["flags"]["second"].tolist() == [0, 3]
+
+
+@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="all is interpreted")
+def test_interpreted_code_reads_and_writes_records_as_compiled_code_does():
+    """Nested ones, arrays of records and fields that are called like attributes of NumPy's."""
+    compiled, plain = Outer.rows(2), Outer.rows(2)
+    function = interpreted(fill_all.py_func)
+    assert function(as_readable(plain)) == fill_all(compiled)
+    assert (compiled == plain).all()
+    assert compiled["packs"]["ball"]["radius"].all()
