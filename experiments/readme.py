@@ -174,8 +174,8 @@ def at_first(planning: dict[str, Any], start: dict[str, Any]) -> str:
 
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (
-        "Machine code is compiled at first use, once for each version, unless the wheel has it for "
-        "your Python. On two cores with an empty\ncache the first command takes, without the "
+        "Machine code is compiled at first use, once for each version. On two cores with an empty "
+        "cache the first command takes, without the\n"
         f"picture, {told('plan')};\nimport, `make`, `reset` and 100 steps of the environment "
         f"take {told('environment')}. In a program, a plan to a new goal takes {new:.1f} ms.\n"
     )

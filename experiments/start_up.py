@@ -5,10 +5,11 @@
 A path is a command or a short program. The package is installed into a fresh environment of the
 Python that runs this, with the versions in `constraints.txt`, and into one of the newest Python
 that is found, with the newest versions. There each path runs twice in new processes: with an empty
-cache, so that all it needs is compiled, and again. Counted are the compiled functions; measured are
-wall-clock and processor time and the peak memory of a process, and the load of the machine is
-reported. A unit is the time in which the kernel of one search is compiled. Writes `start_up.json`
-and `start_up.md` in a quarter of an hour for each Python.
+cache, so that all it needs is compiled, and again; those with late entries once more in a cache
+that `mlivr-gym warmup` has filled. Counted are the compiled functions; measured are wall-clock and
+processor time and the peak memory of a process, and the load of the machine is reported. A unit is
+the time in which the kernel of one search is compiled. Writes `start_up.json` and `start_up.md` in
+a quarter of an hour for each Python.
 """
 
 from __future__ import annotations
@@ -65,6 +66,7 @@ for robot in ("mlivr3", "mlivr4"):
 """A program that computes the nodes and edges of three and four limbs on a few points."""
 
 PATHS = {
+    "warmup": "mlivr-gym warmup",
     "help": "mlivr-gym --help",
     "plan": f"mlivr-gym plan {QUERY}",
     "base cost": "mlivr-gym plan",
@@ -99,6 +101,9 @@ ON_OLDEST = (
 
 ON_NEWEST = ("plan", "simulate", "environment", "three limbs")
 """Paths that are measured with the newest Python, too."""
+
+WITH_LATE_ENTRIES = ("plan", "base cost", "simulate")
+"""Paths that are measured after `warmup`, too, which is there for them."""
 
 WITHOUT_NUMBA = ("help",)
 """Paths that compile nothing; counting compilations would import Numba."""
@@ -199,6 +204,12 @@ def measured(python: str, paths: Sequence[str]) -> dict[str, Any]:
         found[path] = {"first": first, "again": again}
         loads.append(os.getloadavg()[0])
         print(path, found[path], flush=True)
+    with tempfile.TemporaryDirectory() as cache:
+        run("warmup", Path(cache), python, root=None)
+        for path in WITH_LATE_ENTRIES:
+            if path in found:
+                run(path, Path(cache), python, root=None)
+                found[path]["warmed"] = run(path, Path(cache), python, root=None)
     unit = max(one["first"]["unit"] for one in found.values())
     return {
         "versions": json.loads(versions.stdout),
@@ -208,6 +219,11 @@ def measured(python: str, paths: Sequence[str]) -> dict[str, Any]:
     }
 
 
+def _times(found: dict[str, float] | None) -> str:
+    """Return wall-clock and processor time of a run [s]."""
+    return f"{found['wall']:.1f}, {found['processor']:.1f}" if found else NOTHING
+
+
 def markdown(data: dict[str, Any]) -> str:
     """Return the page."""
     parts, commands = [], []
@@ -215,12 +231,12 @@ def markdown(data: dict[str, Any]) -> str:
         rows = []
         for path, found in one["paths"].items():
             first, again = found["first"], found["again"]
-            times = [f"{run['wall']:.1f}, {run['processor']:.1f}" for run in (first, again)]
+            times = [_times(one) for one in (first, again, found.get("warmed"))]
             units = f"{first['wall'] / one['unit']:.1f}"
             memory = max(first["memory"], again["memory"]) or NOTHING
-            rows.append([path, first["functions"], times[0], units, times[1], memory])
+            rows.append([path, first["functions"], times[0], units, *times[1:], memory])
         versions = ", ".join(f"{name} {number}" for name, number in one["versions"].items())
-        head = "path | functions | first [s] | units | again [s] | memory [MB]"
+        head = "path | functions | first [s] | units | again [s] | warmed [s] | memory [MB]"
         parts.append(
             f"## Python {one['versions']['Python']}\n\n{versions}; a unit is {one['unit']:.1f} s; "
             f"other programs ran at a load of {max(one['load'], 0.0):.1f}.\n\n{table(head, rows)}"
@@ -234,8 +250,7 @@ Made by `experiments/start_up.py` on {data["cores"]} cores: `pip install .` into
 environment, with the versions of `constraints.txt` for the oldest Python and the newest versions
 for the newest one. Number of functions that are compiled with an empty cache, wall-clock and
 processor time then, the former also in units of the time that one search kernel takes to compile,
-both times once more, and the peak memory of a process. A wheel with machine code for its Python
-compiles none of this.
+both times once more, both after `mlivr-gym warmup`, and the peak memory of a process.
 
 {chr(10).join(parts)}
 The commands are:

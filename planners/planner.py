@@ -121,8 +121,8 @@ class Planner(OnGraph):
         time_limit
             Maximum time in which a plan is sought and improved [s]; the search ends earlier once a
             plan is proved within `options.inflation` (by default 1). The plan then depends on the
-            speed of the machine. Its swings are chosen afterwards, as a rule in less than a tenth
-            of a second, or in a second where their machine code has to be loaded first.
+            speed of the machine. Its swings are chosen afterwards, for which the search leaves as
+            much time as those of earlier plans took, up to half of the limit.
         options
             How the plan is searched for.
 
@@ -203,7 +203,7 @@ class Planner(OnGraph):
 
     def _searched(self, search: SearchQuery, start_state: State, timer: Timer) -> PlanningResult:
         """Return the result of the search from a state."""
-        result = self._searcher.find(search, start_state)
+        result = self._searcher.find(search, start_state, self._committed_steps.step_time)
         timer.search = timer.lap()
         if result is None:
             return without_plan(GOAL_UNREACHABLE, not_connected(self.graph, search.goal), timer)

@@ -33,6 +33,9 @@ from mlivr_gym.stances.table_build import stored_table
 from mlivr_gym.stances.table_files import key_of
 from mlivr_gym.transitions.state import State
 
+FEW_STEPS = 4
+"""Number of steps for which time is left until a path is found."""
+
 
 def path_along(
     graph: StanceGraph,
@@ -68,17 +71,21 @@ class GraphSearcher:
             self._lower_bounds = LowerBounds(self.graph)
         return self._lower_bounds
 
-    def find(self, search: SearchQuery, start: State) -> SearchResult | None:
+    def find(
+        self, search: SearchQuery, start: State, step_time: float = 0.0
+    ) -> SearchResult | None:
         """Search from a state; return None if no sequence of moves connects it with the goal.
 
-        A move changes the point of one limb, whether or not a step can make it.
+        A move changes the point of one limb, whether or not a step can make it. Of a time limit,
+        `step_time` is left for each step of the plan [s].
         """
+        search.clock.leave(FEW_STEPS * step_time)
         try:
-            return self._find(search, start)
+            return self._find(search, start, step_time)
         except OutOfTime:
             return _nothing_found(start)
 
-    def _find(self, search: SearchQuery, start: State) -> SearchResult | None:
+    def _find(self, search: SearchQuery, start: State, step_time: float) -> SearchResult | None:
         """Search as `find` does; raise `OutOfTime` if the time is over before a search begins."""
         graph = self.graph
         if search.method == "algorithm1":
@@ -87,8 +94,8 @@ class GraphSearcher:
             self._prepare_tables(graph, search)
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
-            return run_search(TableSearch(lower_bounds, search, start))
-        return run_search(ImplicitSearch(graph, search, start))
+            return run_search(TableSearch(lower_bounds, search, start), step_time)
+        return run_search(ImplicitSearch(graph, search, start), step_time)
 
     def _prepare_tables(self, graph: StanceGraph, search: SearchQuery) -> None:
         """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.
@@ -109,10 +116,11 @@ def _nothing_found(start: State) -> SearchResult:
     return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
 
 
-def run_search(path_search: PathSearch) -> SearchResult | None:
+def run_search(path_search: PathSearch, step_time: float = 0.0) -> SearchResult | None:
     """Search until a path is proved good enough, a limit is reached, or no path is left.
 
-    Each path becomes the incumbent. Returns None if no sequence of moves leads to the goal.
+    Each path becomes the incumbent; of a time limit, `step_time` is left for each of its steps [s].
+    Returns None if no sequence of moves leads to the goal.
     """
     search, start = path_search.search, path_search.start
     if path_search.starts_at_goal:
@@ -121,6 +129,7 @@ def run_search(path_search: PathSearch) -> SearchResult | None:
     improvements = []
     for path in path_search.paths():
         incumbent = path
+        search.clock.leave((len(path.states) - 1) * step_time)
         elapsed, bound = time.perf_counter() - search.start_time, path_search.bound()
         improvements.append(Improvement(elapsed, path_search.incumbent_cost, bound))
         if bound <= search.inflation:

@@ -113,8 +113,8 @@ def late_entry(function: Callable[Parameters, Returned]) -> Callable[Parameters,
 class LateEntry:
     """Function that is interpreted until it is worth to compile it; see `late_entry`."""
 
-    patience = 2.0
-    """Time of interpretation in one process after which a function is compiled [s]."""
+    patience = 4.0
+    """Processor time of interpretation in one process after which a function is compiled [s]."""
 
     def __init__(self, compiled: Any) -> None:
         """Take the function as `entry` returns it."""
@@ -128,14 +128,14 @@ class LateEntry:
         """Call the function."""
         self._is_due = self._is_due or self._spent >= self.patience or is_stored(self._compiled)
         if not self._is_due:
-            began = time.perf_counter()
+            began = time.thread_time()
             try:
                 with np.errstate(all="ignore"):
                     return interpreted(self.py_func)(*map(as_readable, given))
             except (ArithmeticError, ValueError):
                 pass  # where machine code goes on with an infinity or no number
             finally:
-                self._spent += time.perf_counter() - began
+                self._spent += time.thread_time() - began
         return self._compiled(*given)
 
 

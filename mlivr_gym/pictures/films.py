@@ -37,7 +37,7 @@ DEFAULT_SIZE = (512, 288)
 COLOURS = 96
 """Colours of a GIF's palette; more make the file larger and the picture hardly better."""
 
-RATE = 25
+RATE = 10
 """Frames per second."""
 
 MAX_FRAMES = 5000

@@ -43,7 +43,7 @@ class Counted:
 def late(monkeypatch):
     """A late entry of a function, and what counts its compiled calls."""
     clock = [0.0]
-    monkeypatch.setattr(kernels, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    monkeypatch.setattr(kernels, "time", SimpleNamespace(thread_time=lambda: clock[0]))
     monkeypatch.setattr(LateEntry, "patience", 2.0)
 
     def made(function):

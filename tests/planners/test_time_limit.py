@@ -11,6 +11,7 @@ from small_tables import small_table
 
 from mlivr_gym import Box, Settings, jem_map, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.motion import commitment
 from mlivr_gym.planners import (
     Planner,
     SearchOptions,
@@ -36,8 +37,8 @@ SECONDS = {
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
 
-OTHERWISE, LABEL, SETTLED, SET = 8e-3, 3e-2, 4e-3, 1e-5
-"""The same for other kernels, for a label or a node of a search, and for a stance set."""
+OTHERWISE, LABEL, SETTLED, SET, SWING = 8e-3, 3e-2, 4e-3, 1e-5, 0.1
+"""The same for other kernels, a label or a node of a search, a stance set, and a step's swing."""
 
 OVERRUN = 0.2
 """Time by which a limit may be exceeded [s]."""
@@ -67,6 +68,8 @@ class SlowMachine:
         self._count(
             patch, backward_search, "_search", SETTLED, lambda *given: given[2]["closed"].sum()
         )
+        self._each(patch, commitment, "commit", lambda *_: SWING)
+        patch(commitment.CommittedSteps, "step_time", 0.01)  # which is learned, and then forgotten
         for name in ("mark_support_sets", "reach_sets"):
             self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
 
@@ -233,12 +236,26 @@ def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch
     graph.remove_obstacles()
 
 
-def searching_until(graph, deadline):
+def searching_until(graph, deadline, start=None, target=None):
     """A search over the table of a graph that ends at a time of the clock."""
-    stance = graph.table.points[0].tolist()
-    goal = Goal.from_arguments(graph, graph.table.base_position[-1], "base", None, 0.2)
+    start = start or graph.state(graph.table.points[0].tolist())
+    goal = Goal.from_arguments(graph, target or graph.table.base_position[-1], "base", None, 0.2)
     search = replace(SearchQuery.from_options(graph, goal), clock=Clock(deadline))
-    return TableSearch(lower_bounds.LowerBounds(graph), search, graph.state(stance))
+    return TableSearch(lower_bounds.LowerBounds(graph), search, start)
+
+
+def test_of_a_limit_time_is_left_for_each_step_of_a_path_but_at_most_half(monkeypatch):
+    """In which its swings are chosen."""
+    graph = known_steps()
+    start, goal, _ = query(graph, "base")
+    machine = SlowMachine(monkeypatch)
+    for step_time in (0.1, 1e3):
+        half = 0.5 * (100.0 - machine.now)
+        search = searching_until(graph, 100.0, start, goal)
+        found = searches.run_search(search, step_time)
+        assert len(found.states) > 2
+        left = min((len(found.states) - 1) * step_time, half)
+        assert search.clock.deadline == pytest.approx(100.0 - left)
 
 
 @pytest.mark.parametrize("limbs", [2, 3])
