@@ -6,7 +6,7 @@ from typing import Any
 
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, both_flips, has_branch
-from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.compiled.kernels import kernel, late_entry
 from mlivr_gym.kinematics.chain import FlangeAxis, in_window
 from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.inverse import branch_angles
@@ -81,7 +81,7 @@ def lifted_branches(
     return found & branch_set
 
 
-@entry
+@late_entry
 def angles_above(robots: Any, i: int, base: Pose, grasp: Grasp, branch: int, to: Angles) -> bool:
     """Call `lifted_angles` for limb `i` of a row of `RobotModel`, shape (1,)."""
     return lifted_angles(robots[0].limbs[i], base, grasp, branch, robots[0].lift, to)
