@@ -161,7 +161,8 @@ def test_what_is_drawn_is_far_from_what_is_given(run, tmp_path, given, end):
     graph = stance_graph(path)
     k = list(graph.base_position[:, 0]).index(end(graph.base_position[:, 0]))
     told = graph.ids(graph.points[k]) if given == "start" else graph.base_position[k].tolist()
-    code, _, err = run("plan", "--map", str(path), f"--{given}", *map(str, told), "--out", str(file))
+    told_so = f"--{given}", *map(str, told)
+    code, _, err = run("plan", "--map", str(path), *told_so, "--out", str(file))
     assert code == 0, err
     plan = Plan.load(file, graph.grasp_map)
     assert {"start": plan.stances[0], "goal": list(plan.query.goal)}[given] == told
