@@ -278,6 +278,26 @@ def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatc
     assert machine.now <= 0.3 + OVERRUN
 
 
+@pytest.mark.parametrize("cost", ["base", "steps"])
+def test_a_limit_is_kept_among_many_starts(cost, monkeypatch):
+    """As those after all the steps from a given pose; a look at the clock takes a second here."""
+    graph, now = small_table(3)[0], [0.0]
+    goal = Goal.from_arguments(graph, graph.table.base_position[-1], cost, None, 0.2)
+    starts, none = np.zeros(lower_bounds.MAX_STARTS, np.int64), np.zeros(len(graph.table.points))
+    bounds = lower_bounds.LowerBounds(graph)
+
+    def look():
+        now[0] += 1.0
+        return now[0]
+
+    monkeypatch.setattr(time, "perf_counter", look)
+    for deadline in (0.0, 3.0, 100.0):
+        now[0] = 0.0
+        with pytest.raises(OutOfTime):
+            bounds._start_bounds(goal.cost, starts, none.astype(bool), Clock(deadline))
+        assert now[0] <= deadline + 1.0
+
+
 def test_a_search_is_late_once_its_time_is_over(small_checked_graph):
     graph = small_checked_graph
     start = graph.state(graph.points[0].tolist())
