@@ -65,6 +65,8 @@ class LowerBounds:
         table = graph.table
         assert table is not None
         self.graph, self.table = graph, table
+        # A number of this object might be that of another one later, while work goes on for it.
+        self._mark = object()
         self.labels = Labels.allocate(len(table.points))
         """Arrays for the labels of searches."""
         self._weights: tuple[Cost, CostWeights] | None = None
@@ -102,7 +104,7 @@ class LowerBounds:
         goals, forbidden = self._goal_nodes(goal), self._occupied_nodes()
         occupied = frozenset(self.graph.occupied)
         bounds = result_by_deadline(
-            ("bounds", id(self), goal.key, occupied, starts.tobytes()),
+            ("bounds", self._mark, goal.key, occupied, starts.tobytes()),
             lambda: self._compute(self.table, goal.cost, goals, starts, forbidden, UNLIMITED),
             clock.deadline,
         )._replace(occupied=occupied)

@@ -88,6 +88,18 @@ TAKES_LONG = {
 }  # fmt: skip
 """Arguments that stand for much, such as the whole module, where they are None."""
 
+NUMBERS = ((1, True), (0, False), ([0, 1], [False, True]), ([1.0, 0.0, 1.0], [True, False, True]))
+"""Numbers, and what Python takes for them."""
+
+CALLED_OFTEN = {"State.stance_after", "Successors.find", "Successors.take"}
+"""What checks its arguments only where it fails."""
+
+FREE = {
+    "command", "face", "file", "folder", "id", "name", "name_prefix", "out", "path", "source",
+    "title", "video_folder",
+}  # fmt: skip
+"""Arguments that may be any text; the others are one of some names."""
+
 
 @pytest.fixture(scope="module", autouse=True)
 def own_folder(tmp_path_factory):
@@ -181,6 +193,60 @@ def test_an_argument_is_taken_or_refused_in_one_line(things, page):
 @pytest.mark.parametrize("page", PAGES)
 def test_an_argument_of_any_type_is_taken_or_refused_in_one_line(things, page):
     check(things, page)
+
+
+def is_taken(things, call, given):
+    """Whether a callable takes what it is given."""
+    try:
+        called(call, given)
+    except MlivrError:
+        return False
+    finally:
+        things.put_back()
+    return True
+
+
+def arguments(things, page):
+    """Of each argument of a page its title, annotation, and a function that tells what it takes.
+
+    What takes any object at all, as records do, is left out.
+    """
+    if page == "agents":
+        pytest.importorskip("torch")
+    for title, function in callables(page).items():
+        if title in CALLED_OFTEN or (title.partition(".")[0] in NEEDS_MORE and "." in title):
+            continue
+        given, call = good(things, title, function), bound(things, title, function)
+        for name, one in parameters(function).items():
+
+            def takes(value, call=call, given=given, name=name):
+                return is_taken(things, call, {**given, name: value})
+
+            if takes(object()):
+                continue
+            yield f"{title}, {name}", str(one.annotation), takes
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_truth_value_is_no_number(things, page):
+    """What takes the one refuses the other."""
+    both = [
+        (title, truth)
+        for title, _, takes in arguments(things, page)
+        for number, truth in NUMBERS
+        if takes(truth) and takes(number)
+    ]
+    assert not both
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_name_that_is_none_of_some_is_refused(things, page):
+    taken = {
+        title.rpartition(" ")[2]
+        for title, annotation, takes in arguments(things, page)
+        if "str" in annotation and takes("no such name")
+    }
+    assert taken <= FREE
 
 
 @pytest.mark.filterwarnings("ignore:.*")

@@ -281,8 +281,8 @@ def chosen_task(
                 rng = np.random.default_rng(0)
                 drawn = [sample_task(graph, rng, args.tolerance, given) for _ in range(DRAWS)]
                 starts = [graph.posture_of(task.start).base_position[0] for task in drawn]
-                apart = [math.dist(x, task.goal) for x, task in zip(starts, drawn, strict=True)]
-                state, target = drawn[int(np.argmax(apart))]
+                ends = [goal or task.goal.tolist() for task in drawn]
+                state, target = drawn[int(np.argmax(list(map(math.dist, starts, ends))))]
             except StanceError as error:
                 raise NoPlanError(str(error)) from None
             start, goal = start or graph.ids(state.stance), goal or target.tolist()

@@ -1,5 +1,8 @@
 """Policies that need no training: the expert, random actions, and followers of plans."""
 
+import copy
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,8 @@ from mlivr_gym.agents import ExpertPolicy, RandomPolicy, baseline_policy, evalua
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
+from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
+from mlivr_gym.extensions.closed_loop.policies import ReplanningPolicy
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 
@@ -53,6 +58,52 @@ def test_planners_go_on_after_grasps_that_fail(small_map):
     result = evaluate(env, planner_policy("steps"), 10, seed=26)
     assert result.success.all()
     assert result.failed_grasps.sum() > 5
+
+
+def learned(env):
+    return pytest.importorskip("mlivr_gym.agents.learned").load_policy("pretrained", env)
+
+
+def beam(env):
+    return pytest.importorskip("mlivr_gym.agents.learned").beam_policy(learned(env), width=2)
+
+
+POLICIES = {
+    "expert": lambda env: ExpertPolicy(),
+    "planner": lambda env: planner_policy("base"),
+    "local": lambda env: baseline_policy("local"),
+    "learned": learned,
+    "beam": beam,
+    "replanning": lambda env: ReplanningPolicy("base"),
+}
+"""Policies that draw no numbers in their episodes."""
+
+
+@pytest.mark.parametrize("way", [copy.copy, copy.deepcopy, lambda one: one])
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_policy_that_acted_in_another_world_acts_as_a_new_one(small_map, ladder, name, way):
+    """On another map, and on the same one before points were taken."""
+    new, make = POLICIES[name], MlivrEnv
+    if name == "replanning":
+        make = partial(ClosedLoopEnv, camera=None, boxes=0, plates=0)
+
+    def acted(policy, env):
+        observation, _ = env.reset(seed=4)
+        chosen = []
+        for _ in range(3):
+            chosen.append(policy.act(env, observation, env.action_masks()))
+            observation, *_ = env.step(chosen[-1])
+        return chosen
+
+    env = make(map=small_map)
+    policy, plain = new(env), acted(new(env), env)
+    for other in (make(map=ladder), env):
+        acted(policy, other)
+    other = way(policy)
+    env.graph.occupy([small_map.ids[plain[0] % len(small_map)]])
+    truth = acted(new(env), env)
+    assert truth != plain
+    assert acted(other, env) == truth
 
 
 def test_a_plan_is_followed_until_goal_or_world_change(env):

@@ -152,6 +152,24 @@ def test_a_drawn_goal_is_far_from_the_drawn_start(run, tmp_path):
     assert math.dist(plan.motion.base_positions[0], plan.query.goal) > 1.5
 
 
+@pytest.mark.parametrize("given", ["start", "goal"])
+@pytest.mark.parametrize("end", [min, max])
+def test_what_is_drawn_is_far_from_what_is_given(run, tmp_path, given, end):
+    """At either end of the map, so that nothing that is drawn alone is far from both."""
+    path, file = tmp_path / "points.csv", tmp_path / "plan.json"
+    path.write_text(POINTS)
+    graph = stance_graph(path)
+    k = list(graph.base_position[:, 0]).index(end(graph.base_position[:, 0]))
+    told = graph.ids(graph.points[k]) if given == "start" else graph.base_position[k].tolist()
+    told_so = f"--{given}", *map(str, told)
+    code, _, err = run("plan", "--map", str(path), *told_so, "--out", str(file))
+    assert code == 0, err
+    plan = Plan.load(file, graph.grasp_map)
+    assert {"start": plan.stances[0], "goal": list(plan.query.goal)}[given] == told
+    assert len(plan.steps) > 1
+    assert math.dist(plan.motion.base_positions[0], plan.query.goal) > 1.5
+
+
 def test_a_map_of_points_alone_has_nothing_to_collide_with(run, tmp_path, ladder_file):
     path, told = tmp_path / "points.csv", "map 'points' has no boxes: nothing is known to collide"
     path.write_text(POINTS)

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -42,6 +43,34 @@ def test_its_error_is_raised_where_it_is_waited_for():
 
     with pytest.raises(ValueError, match="torn"):
         result_by_deadline("torn", work, time.perf_counter() + AGES)
+
+
+@pytest.mark.parametrize("error", [None, OSError("torn")])
+def test_all_threads_that_wait_for_one_work_get_what_came_of_it(monkeypatch, error):
+    """As planners of equal graphs do, each with its own deadline."""
+    go, waits, join = threading.Event(), [], threading.Thread.join
+
+    def work():
+        go.wait()
+        if error is not None:
+            raise error
+        return "found"
+
+    def joined(thread, timeout=None):
+        waits.append(timeout)
+        join(thread, timeout)
+
+    deadlines = [time.perf_counter() + AGES, math.inf] * 3
+    with pytest.raises(OutOfTime):  # it has begun
+        result_by_deadline("one", work, time.perf_counter())
+    with monkeypatch.context() as patch, ThreadPoolExecutor(len(deadlines)) as pool:
+        patch.setattr(threading.Thread, "join", joined)
+        jobs = [pool.submit(result_by_deadline, "one", work, one) for one in deadlines]
+        while len(waits) < len(jobs):
+            time.sleep(0.01)
+        go.set()
+        came = [job.exception() or job.result() for job in jobs]
+    assert came == [error or "found"] * len(jobs)
 
 
 def test_a_query_ends_in_time_whatever_is_worked_out(monkeypatch):

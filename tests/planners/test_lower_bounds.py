@@ -1,6 +1,7 @@
 """Lower bounds over all nodes: against SciPy, and kept for further plans."""
 
 import time
+from contextlib import suppress
 from threading import Event
 
 import numpy as np
@@ -13,7 +14,7 @@ from time_limit import AGES
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.compiled import kernels
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.planners import Planner, table_search
+from mlivr_gym.planners import Planner, building, lower_bounds, table_search
 from mlivr_gym.planners.clock import Clock, OutOfTime
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
 from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
@@ -190,6 +191,20 @@ def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(c
         graph.remove_obstacles()
     assert searched > 11
     assert cut_off
+
+
+def test_what_was_worked_out_for_bounds_that_are_gone_serves_no_others(monkeypatch):
+    """Which may lie in the same place in memory."""
+    monkeypatch.setattr(lower_bounds, "id", lambda _: 1, raising=False)
+    (first, table), (second, _) = small_table(2), small_table(3)
+    goal, starts = away(first, table, COSTS[0], 5), np.array([0])
+    with suppress(OutOfTime):
+        LowerBounds(first).compute(goal, starts, Clock(0.0))
+    for thread in list(building._running.values()):
+        thread.join()
+    found, truth = (LowerBounds(second).compute(goal, starts) for _ in range(2))
+    assert len(found.h) == len(second.table.points)
+    np.testing.assert_array_equal(found.h, truth.h)
 
 
 @pytest.mark.parametrize("cost", COSTS)

@@ -45,18 +45,24 @@ OVERRUN = 0.2
 
 
 class SlowMachine:
-    """A machine whose clock is moved by the work that is done, and by nothing else."""
+    """A machine whose clock is moved by the work that is done, and by nothing else.
+
+    `longest` is the longest time for which kernels were called in threads without a look at it.
+    """
 
     def __init__(self, monkeypatch):
         self.now, self.worked, self.stored = 0.0, set(), {}
+        self.unseen, self.longest = 0.0, 0.0
         patch = monkeypatch.setattr
-        patch(time, "perf_counter", lambda: self.now)
+        patch(time, "perf_counter", self._read)
         for module in (searches, lower_bounds):
             patch(module, "result_by_deadline", self._result_by_deadline)
         run = kernels.in_parallel
 
         def in_parallel(count, kernel, *args, **options):
-            self.work(kernel.__name__, count * SECONDS.get(kernel.__name__, OTHERWISE))
+            took = count * SECONDS.get(kernel.__name__, OTHERWISE)
+            self.work(kernel.__name__, took)
+            self.unseen += took
             run(count, kernel, *args, **options)
 
         for name, module in list(sys.modules.items()):
@@ -73,10 +79,15 @@ class SlowMachine:
         for name in ("mark_support_sets", "reach_sets"):
             self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
 
+    def _read(self):
+        self.longest, self.unseen = max(self.longest, self.unseen), 0.0
+        return self.now
+
     def _result_by_deadline(self, key, work, deadline):
         """Work in a thread that goes on after the deadline, when nobody waits for it any more."""
         began = self.now
         found = self.stored.pop(key) if key in self.stored else work()
+        self.unseen = 0.0  # who waits looks at the clock
         if self.now > deadline:
             self.now, self.stored[key] = max(began, deadline), found
             raise OutOfTime
@@ -189,6 +200,7 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
     for share in (None, *np.linspace(0.04, 0.94, 7).tolist()):
         fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
         limit, began = 1e9 if share is None else share * whole, machine.now
+        machine.unseen = 0.0
         found = Planner(fresh).plan(
             *given,
             goal_tolerance=0.05,
@@ -200,6 +212,7 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
         assert found.plan is not None or found.reason == "limit reached"
         assert took <= limit + OVERRUN
     graph.remove_obstacles()
+    assert machine.longest <= OVERRUN  # wherever a limit ends
     assert whole > 2.0 * OVERRUN
 
 
@@ -280,6 +293,26 @@ def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatc
     with pytest.raises(OutOfTime):
         searching_until(graph, 0.3)._checked_walk(path)
     assert machine.now <= 0.3 + OVERRUN
+
+
+@pytest.mark.parametrize("cost", ["base", "steps"])
+def test_a_limit_is_kept_among_many_starts(cost, monkeypatch):
+    """As those after all the steps from a given pose; a look at the clock takes a second here."""
+    graph, now = small_table(3)[0], [0.0]
+    goal = Goal.from_arguments(graph, graph.table.base_position[-1], cost, None, 0.2)
+    starts, none = np.zeros(lower_bounds.MAX_STARTS, np.int64), np.zeros(len(graph.table.points))
+    bounds = lower_bounds.LowerBounds(graph)
+
+    def look():
+        now[0] += 1.0
+        return now[0]
+
+    monkeypatch.setattr(time, "perf_counter", look)
+    for deadline in (0.0, 3.0, 100.0):
+        now[0] = 0.0
+        with pytest.raises(OutOfTime):
+            bounds._start_bounds(goal.cost, starts, none.astype(bool), Clock(deadline))
+        assert now[0] <= deadline + 1.0
 
 
 def test_a_search_is_late_once_its_time_is_over(small_checked_graph):

@@ -115,7 +115,7 @@ def _computed(
 def _prepare(design: StudyDesign, path: Path) -> None:
     """Make the folder of a study, or check that it holds a part of the same study."""
     try:
-        (path / BLOCKS).mkdir(parents=True, exist_ok=True)
+        (path if (path / RESULT).exists() else path / BLOCKS).mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
         raise FileError(f"cannot create folder {path_shown(path)}: {reason}") from None

@@ -91,6 +91,22 @@ def test_what_cannot_move_is_refused_in_one_line(iiwas, failed, words):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", ["six joints", "seven joints"])
+def test_a_joint_that_is_not_there_is_refused(request, kind):
+    """Joints count from 1, limbs from 0, by every function."""
+    graph = request.getfixturevalue("iiwas" if kind == "seven joints" else "small_checked_graph")
+    state, last = graph.state(graph.points[0]), len(graph.robot.every_limb[0].joint_limits)
+    wrong = ((0, 0, 0), (0, -1, -1), (1, last + 1, last + 1), (2, 1, 2), (-1, 1, -1))
+    for limb, joint, told in wrong:
+        for fail in (
+            lambda limb, joint: after_failure(graph, state, [(limb, joint)]),
+            lambda limb, joint: reach_without(graph, state, limb, joint, graph.base_position[:1]),
+            lambda limb, joint: graph.robot.with_failed_joint(limb, joint, 0.1),
+        ):
+            with pytest.raises(MlivrError, match=rf"\bis {told}; "):
+                fail(limb, joint)
+
+
 def test_a_limb_of_six_joints_reaches_what_it_can_hold_where_it_is(small_checked_graph):
     """A stance with the limb at its point and the joint at its angle has the angle it had."""
     graph = small_checked_graph

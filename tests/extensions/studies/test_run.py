@@ -106,9 +106,10 @@ def test_an_interrupted_study_goes_on_where_it_was(rows, tmp_path):
         file = run_study(DESIGN, tmp_path, executor, progress=lambda done, _: seen.append(done))
     assert seen == [7, 8, 11, 12, 15, 16]
     assert untimed(read_study(tmp_path)) == untimed(rows)
-    assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
     written = file.stat().st_mtime_ns
-    assert run_study(DESIGN, tmp_path, workers=1).stat().st_mtime_ns == written
+    for _ in range(2):  # asked again, it is as it was
+        assert sorted(one.name for one in tmp_path.iterdir()) == ["design.json", "study.parquet"]
+        assert run_study(DESIGN, tmp_path, workers=1).stat().st_mtime_ns == written
 
 
 def test_no_run_is_lost_or_repeated_when_a_worker_of_dask_is_killed(rows, tmp_path):
