@@ -23,9 +23,9 @@ FEW = ("F3a:2", "F3a:4", "F3b:2", "F3b:4")
 def run(args: argparse.Namespace) -> None:
     """Compile all that plans run, once for each version of the package.
 
-    The first plan compiles what takes little time, and has the rest interpreted, which takes a
-    second of each plan until it is compiled. Use this command to compile all beforehand, for
-    instance while a container image is built.
+    The first plans compile what takes little time, and have the rest interpreted, which takes a
+    second of each, until it is worth to compile it. Use this command to compile all beforehand,
+    for instance while a container image is built.
     """
     began, LateEntry.patience = time.perf_counter(), 0.0
     with Progress("planning", quiet=args.quiet):

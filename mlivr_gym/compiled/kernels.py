@@ -3,11 +3,13 @@
 Decorators say who calls a function: only other kernels (`kernel`), exactly one kernel (`part`), or
 Python (`entry`, `late_entry`). Only what Python calls is cached on disk, with all that it calls. A
 late entry is one that takes long to compile and whose calls are few and short: Python interprets it
-until that has taken some time, so that a single plan does not wait for the compiler.
+until that has taken some time, in all processes, so that a first plan does not wait for the
+compiler.
 """
 
 from __future__ import annotations
 
+import atexit
 import logging
 import os
 import time
@@ -25,7 +27,12 @@ from numba.core import event
 from mlivr_gym.compiled.cache import kernel_folder, make_private, writable_by_others
 from mlivr_gym.compiled.compiling import compilation
 from mlivr_gym.compiled.interpreted import as_readable, interpreted
-from mlivr_gym.compiled.machine_code import guard, is_stored
+from mlivr_gym.compiled.machine_code import (
+    guard,
+    is_stored,
+    store_time_interpreted,
+    time_interpreted,
+)
 
 Parameters = ParamSpec("Parameters")
 Returned = TypeVar("Returned")
@@ -113,19 +120,22 @@ def late_entry(function: Callable[Parameters, Returned]) -> Callable[Parameters,
 class LateEntry:
     """Function that is interpreted until it is worth to compile it; see `late_entry`."""
 
-    patience = 4.0
-    """Processor time of interpretation in one process after which a function is compiled [s]."""
+    patience = 5.0
+    """Processor time of interpretation in all processes after which a function is compiled [s]."""
 
     def __init__(self, compiled: Any) -> None:
         """Take the function as `entry` returns it."""
         self.py_func = compiled.py_func
         self._compiled = compiled
-        self._spent = 0.0
+        self._spent = -1.0
         self._is_due = False
         update_wrapper(self, compiled.py_func)
 
     def __call__(self, *given: Any) -> Any:
         """Call the function."""
+        if self._spent < 0.0:
+            self._spent = time_interpreted(self._compiled)
+            atexit.register(self._store_time)
         self._is_due = self._is_due or self._spent >= self.patience or is_stored(self._compiled)
         if not self._is_due:
             began = time.thread_time()
@@ -137,6 +147,11 @@ class LateEntry:
             finally:
                 self._spent += time.thread_time() - began
         return self._compiled(*given)
+
+    def _store_time(self) -> None:
+        """Let later processes know the time that was spent."""
+        if self._spent > 0.0 and not self._is_due:
+            store_time_interpreted(self._compiled, self._spent)
 
 
 def _usable(folder: Path) -> bool:

@@ -13,6 +13,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from mlivr_gym.compiled.cache import make_private
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -28,6 +30,31 @@ def is_stored(compiled: Any) -> bool:
     """Return whether the cache folder has machine code of a function for any arguments."""
     folder, name = compiled.stats.cache_path, compiled.py_func.__qualname__
     return folder is not None and any(Path(folder).glob(f"*.{name}-*.nbi"))
+
+
+def time_interpreted(compiled: Any) -> float:
+    """Return how long a function was interpreted in earlier processes [s], see `kernels`."""
+    path = _time_file(compiled)
+    try:
+        seconds = float(path.read_text(encoding="ascii")) if path else 0.0
+    except (OSError, ValueError):
+        return 0.0
+    return seconds if seconds > 0.0 else 0.0
+
+
+def store_time_interpreted(compiled: Any, seconds: float) -> None:
+    """Store that time for later processes, if it can be stored."""
+    path = _time_file(compiled)
+    if path is not None:
+        with suppress(OSError):
+            make_private(path.parent)
+            path.write_text(f"{seconds:.3f}", encoding="ascii")
+
+
+def _time_file(compiled: Any) -> Path | None:
+    """Return the file of that time, beside the machine code; None if none is stored."""
+    folder = compiled.stats.cache_path
+    return folder and Path(folder) / f"{compiled.py_func.__qualname__}.seconds"
 
 
 class _GuardedCache:

@@ -60,6 +60,27 @@ def test_an_entry_is_compiled_once_its_calls_have_taken_long(late, tmp_path):
     ]  # fmt: skip
 
 
+def test_the_time_of_earlier_processes_counts(late, tmp_path, monkeypatch):
+    """It lies beside the machine code; a file that is damaged counts as none."""
+    ended = []
+    monkeypatch.setattr(kernels, "atexit", SimpleNamespace(register=ended.append))
+    folder = tmp_path / "not made yet"
+
+    def compiled_calls(*calls):
+        entry, compiled = late(lambda x: x)
+        compiled.stats.cache_path = str(folder)
+        for k in calls:
+            assert entry(k) == k
+        ended.pop()()
+        return compiled.calls
+
+    assert [compiled_calls(1), compiled_calls(2), compiled_calls(3, 4)] == [0, 0, 2]
+    (file,) = folder.iterdir()
+    for damaged in ("x", "nan", "-3"):
+        file.write_text(damaged)
+        assert [compiled_calls(1), compiled_calls(2), compiled_calls(3)] == [0, 0, 1]
+
+
 def test_an_entry_with_stored_machine_code_is_not_interpreted(late, tmp_path):
     entry, compiled = late(lambda x: 2 * x)
     compiled.stats.cache_path = str(tmp_path)
