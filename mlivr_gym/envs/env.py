@@ -193,7 +193,7 @@ class MlivrEnv(StanceGraphEnv):
     | `width`, `height` | 640, 360 | size of pictures [px] |
 
     With `dynamics="kinematic"` the arguments `limits`, `controller`, `disturbances` and `physics`
-    have no effect. A film has the pictures since the last call of `render`, 25 for each action,
+    have no effect. A film has the pictures since the last call of `render`, 10 for each action,
     which last a second.
 
     ## Version History

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.recording import Failure, Recording
     from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 
-FRAMES_PER_ACTION = 25
+FRAMES_PER_ACTION = 10
 """Pictures of one action, which make one second of film."""
 
 SAMPLES_PER_SEGMENT = 100

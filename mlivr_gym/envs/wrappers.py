@@ -42,7 +42,7 @@ class RecordVideo(Independent, GymnasiumRecordVideo):
     """Gymnasium's `RecordVideo` with films that show the robot moving from stance to stance.
 
     Gymnasium's own wrapper takes one picture for each action, which makes a slide show of this
-    environment. This one takes `envs.snapshots.FRAMES_PER_ACTION` pictures, at 25 pictures per
+    environment. This one takes `envs.snapshots.FRAMES_PER_ACTION` pictures, at 10 pictures per
     second. The arguments are the same; `video_length` counts actions. The film is rendered when a
     recording ends, since branches are chosen for a whole episode.
 

@@ -51,7 +51,7 @@ def changes(pictures):
 
 @pytest.mark.parametrize("settings", [{}, {"robot": "mlivr3"}])
 def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
-    """MuJoCo says where the grippers are, in all 25 configurations of each of four actions.
+    """MuJoCo says where the grippers are, in all ten configurations of each of four actions.
 
     Between knots those of followers are within 0.2 mm of their points.
     """
@@ -59,7 +59,7 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
     snapshots, graph = acted(environment, 4), environment.unwrapped.graph
     model = scene_spec(graph.grasp_map, graph.robot).compile()
     data, film = mujoco.MjData(model), snapshot_frames(graph, snapshots)
-    assert [len(part) for part in film] == [1, 25, 25, 25, 25]
+    assert [len(part) for part in film] == [1, 10, 10, 10, 10]
     before = snapshots[0].state.stance
     for moment, part in zip(snapshots, film, strict=True):
         for k, configuration in enumerate(part):
@@ -72,7 +72,7 @@ def test_a_film_holds_the_points_that_are_held_and_does_not_jump(settings):
         before = moment.state.stance
     flat = [configuration for part in film for configuration in part]
     bends = [np.abs(b[2] - a[2]).max() for a, b in itertools.pairwise(flat)]
-    assert max(bends) < 0.7
+    assert max(bends) < 1.0  # another branch is farther away
     assert min(bends) > 0.0
 
 
@@ -90,7 +90,7 @@ def test_an_action_that_changes_nothing_shows_the_robot_standing():
     environment.step(int(np.flatnonzero(info["action_mask"] == 0)[0]))
     snapshots.append(environment.unwrapped.snapshot)
     film = snapshot_frames(environment.unwrapped.graph, snapshots)
-    assert [len(part) for part in film] == [1, 25]
+    assert [len(part) for part in film] == [1, 10]
     assert all(configuration is film[0][0] for configuration in film[1])
     assert snapshots[1].caption.endswith(", an invalid action")
 
@@ -102,7 +102,7 @@ def test_a_simulated_step_is_shown_as_it_went():
         snapshot_frames(environment.unwrapped.graph, snapshots),
         snapshots[1].simulated_motion,
     )
-    assert [len(part) for part in film] == [1, 25]
+    assert [len(part) for part in film] == [1, 10]
     for shot, values in zip(film[1][-1], simulated, strict=True):
         np.testing.assert_array_equal(shot, values[-1])
     # The last sample of a recording is up to a hundredth of a second old.
@@ -136,7 +136,7 @@ def test_the_list_has_what_moved_since_it_was_read(ladder, five):
     assert environment.render() == []
     environment.step(0)
     assert len(environment.render()) == 5
-    assert environment.metadata["render_fps"] == 25
+    assert environment.metadata["render_fps"] == 10
     environment.close()
 
 
@@ -168,4 +168,4 @@ def test_recorded_videos_move_between_stances(ladder, five, tmp_path, monkeypatc
         film, rate = Clips.written[f"rl-video-episode-{episode}.mp4"]
         assert len(film) == 1 + 5
         assert changes(film).min() > 0.0
-        assert rate == 25
+        assert rate == 10

@@ -79,7 +79,7 @@ def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
         assert shown_at[0] == 0.0
         assert shown_at[-1] == duration
         # Samples are half a second apart here, so that one is shown that much late at most.
-        wanted = np.arange(len(shown_at) - 1) * speed / 25
+        wanted = np.arange(len(shown_at) - 1) * speed / 10
         assert (np.abs(shown_at[:-1] - wanted) <= 0.5).all()
 
 
@@ -87,7 +87,7 @@ def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, t
     plan, recording = walk
     path, plain = tmp_path / "walk.gif", tmp_path / "plain.gif"
     duration = float(recording.times[-1])
-    speed = duration / 0.12
+    speed = duration / 0.3
     with gl_or_skip():
         film(checked_graph.grasp_map, checked_graph.robot, recording, path, plan=plan, size=SIZE,
              speed=speed)  # fmt: skip
@@ -101,8 +101,8 @@ def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, t
                 opened.seek(k)
                 lasting.append(opened.info["duration"])
             # The time of the film at its speed, and a second for the last picture.
-            assert 1e-3 * sum(lasting) == pytest.approx(duration / speed + 1.0, abs=0.09)
-            assert min(lasting) == 40
+            assert 1e-3 * sum(lasting) == pytest.approx(duration / speed + 1.0, abs=0.11)
+            assert min(lasting) == 100
             opened.seek(1)
             pictures.append(np.asarray(opened.convert("RGB")).astype(int))
     counts = []
