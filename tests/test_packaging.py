@@ -275,3 +275,11 @@ def test_what_the_demo_writes_is_ignored_by_git():
     for place in written:
         asked = ["git", "-C", str(ROOT), "check-ignore", "--quiet", f"{place}/any"]
         assert subprocess.run(asked, check=False).returncode == 0, place
+
+
+def test_no_published_file_is_large():
+    """They change with each release, and what was committed stays in every clone."""
+    large = [path for path in (ROOT / "results").rglob("*") if path.stat().st_size > 1 << 20]
+    if (ROOT / ".git").exists() and large:
+        command = ["git", "ls-files", *map(str, large)]
+        assert not subprocess.run(command, cwd=ROOT, check=True, capture_output=True).stdout
