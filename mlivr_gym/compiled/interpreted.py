@@ -7,12 +7,15 @@ whose names mean such copies, too, so that nothing is compiled on the way.
 from __future__ import annotations
 
 from collections.abc import Callable
+from threading import RLock
 from types import FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.compiled.records import readable
+
+_lock = RLock()
 
 _modules: dict[int, dict[str, Any]] = {}
 """The names of modules whose kernels are interpreted, by the identity of their own names."""
@@ -34,16 +37,17 @@ def interpreted(function: Callable[..., Any]) -> Callable[..., Any]:
 
     It takes records as `as_readable` returns them.
     """
-    if function not in _functions:
-        names = _interpreted_names(function.__globals__)
-        _functions[function] = FunctionType(
-            function.__code__,
-            names,
-            function.__name__,
-            function.__defaults__,
-            function.__closure__,
-        )
-    return _functions[function]
+    with _lock:  # what is half made would call compiled kernels in a way that ends the process
+        if function not in _functions:
+            names = _interpreted_names(function.__globals__)
+            _functions[function] = FunctionType(
+                function.__code__,
+                names,
+                function.__name__,
+                function.__defaults__,
+                function.__closure__,
+            )
+        return _functions[function]
 
 
 def _interpreted_names(names: dict[str, Any]) -> dict[str, Any]:

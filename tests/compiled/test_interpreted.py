@@ -4,6 +4,8 @@ import copy
 import importlib
 import math
 import pkgutil
+import threading
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,6 +18,7 @@ from mlivr_gym.compiled import interpreted, kernels
 from mlivr_gym.compiled.interpreted import as_readable
 from mlivr_gym.compiled.kernels import LateEntry
 from mlivr_gym.planners import Planner
+from mlivr_gym.transitions.steps import line_clear
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="all is interpreted")
 
@@ -101,6 +104,33 @@ def test_what_the_interpreter_refuses_is_left_to_machine_code(late, refused):
 
     compiled.py_func = entry.py_func = refusing
     assert (entry(7), compiled.calls) == (7, 1)
+
+
+def test_threads_that_interpret_at_once_call_no_compiled_kernel(monkeypatch):
+    """All of them wait until a function and what it calls are made."""
+    monkeypatch.setattr(interpreted, "_modules", {})
+    monkeypatch.setattr(interpreted, "_functions", {})
+    slow, copied, ready = interpreted._interpreted_names, [], threading.Barrier(4)
+
+    def slowly(names):
+        found = slow(names)
+        time.sleep(0.002)
+        return found
+
+    monkeypatch.setattr(interpreted, "_interpreted_names", slowly)
+
+    def make():
+        ready.wait()
+        function = interpreted.interpreted(line_clear.py_func)
+        copied.append([hasattr(one, "py_func") for one in function.__globals__.values()])
+
+    threads = [threading.Thread(target=make) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(copied) == 4
+    assert not any(map(any, copied))
 
 
 def late_entries():
