@@ -93,8 +93,11 @@ class CommittedSteps:
     cache.
     """
 
-    step_time: ClassVar[float] = 0.01
-    """Time that steps not in a cache took on this machine, the last ones above all [s]."""
+    step_time: ClassVar[float] = 0.05
+    """Time that steps not in a cache took on this machine, the last ones above all [s].
+
+    At first it lies between that of machine code and that of the interpreter.
+    """
 
     def __init__(self, graph: StanceGraph) -> None:
         """Start with an empty cache for `graph`."""

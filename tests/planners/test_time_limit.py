@@ -75,7 +75,7 @@ class SlowMachine:
             patch, backward_search, "_search", SETTLED, lambda *given: given[2]["closed"].sum()
         )
         self._each(patch, commitment, "commit", lambda *_: SWING)
-        patch(commitment.CommittedSteps, "step_time", 0.01)  # which is learned, and then forgotten
+        patch(commitment.CommittedSteps, "step_time", 0.05)  # which is learned, and then forgotten
         for name in ("mark_support_sets", "reach_sets"):
             self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
 
