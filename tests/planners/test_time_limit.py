@@ -309,9 +309,9 @@ def test_a_limit_is_kept_among_many_starts(cost, monkeypatch):
 
     monkeypatch.setattr(time, "perf_counter", look)
     for deadline in (0.0, 3.0, 100.0):
-        now[0] = 0.0
+        clock, now[0] = Clock(deadline), 0.0
         with pytest.raises(OutOfTime):
-            bounds._start_bounds(goal.cost, starts, none.astype(bool), Clock(deadline))
+            bounds._start_bounds(goal.cost, starts, none.astype(bool), clock)
         assert now[0] <= deadline + 1.0
 
 
