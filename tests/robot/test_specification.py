@@ -152,7 +152,10 @@ def test_whatever_tells_one_limb_from_another_makes_a_robot_unsymmetric(limbs):
         for change in changes:
             mounts = [replace(m, **change(m)) if i == k else m for i, m in enumerate(even)]
             assert not replace(robot, mounts=mounts).is_symmetric
-    turn = Rotation.from_euler("zy", [0.1, 0.1]).as_matrix()
-    turned = [Mount(tuple(turn @ m.position), Box.rows(turn @ np.array(m.rotation))) for m in even]
-    assert not replace(robot, mounts=turned).is_symmetric
+    for axis in "xyz":  # all together about the body
+        turn = Rotation.from_euler(axis, 0.1).as_matrix()
+        turned = [
+            Mount(tuple(turn @ m.position), Box.rows(turn @ np.array(m.rotation))) for m in even
+        ]
+        assert not replace(robot, mounts=turned).is_symmetric
     assert replace(robot, body_size=(0.2, 0.2, 0.3)).is_symmetric == (limbs == 2)
