@@ -67,7 +67,12 @@ def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
         ({"capsules": []}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "hip"}]}, r"link is 'hip'; valid choices are 'base'"),
-        ({"capsules": [CAPSULE | {"link": "gripper", "start": [0, 0.1, 0]}]}, "flange axis"),
+        *(
+            ({"capsules": [CAPSULE | {"link": link, end: place}]}, rf"{end} .* on {link} .* axis")
+            for link in ("wrist_3", "gripper")
+            for end in ("start", "end")
+            for place in ([0, 0.1, 0], [0, -0.1, 0], [0.1, 0, 0], [-0.1, 0, 0])
+        ),
         ([], r"the data is \[\]; it must be an object"),
     ],
 )
