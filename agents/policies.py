@@ -86,7 +86,7 @@ class ExpertPolicy(Independent):
         """
         self._expect = expect_failures
         self._moves: TableMoves | None = None
-        self._key: tuple[bytes, float, bytes] = b"", 0.0, b""
+        self._key: tuple[Cost, bytes, float, bytes] | None = None
 
     @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
@@ -121,9 +121,9 @@ class ExpertPolicy(Independent):
         graph = _two_limbs(env)
         moves = env.table_moves()
         risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
-        key = (env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
+        cost = env.reward.cost
+        key = (cost, env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
         if self._moves is not moves or self._key != key:
-            cost = env.reward.cost
             self._moves, self._key = moves, key
             goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
             self._values = TableValues(moves.tables, goals, cost, risk)

@@ -40,6 +40,7 @@ def refusal(kind, value, place=HERE):
 
 CHOICE = Choice(("base", "steps", "weighted"))
 LENGTHS = Numbers((2, 2), 0.0, 100.0, "m")
+PLACES = Numbers((None, 3), most=100.0, unit="m")
 ROWS = Tuples((None, 2), rows=(0, 3))
 SOME = ListOf(OrNone(Integer(0, 9)), 1, 3)
 TURN = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -83,6 +84,11 @@ def test_a_valid_value_is_read(kind, value, read):
         (LENGTHS, [[[0, 1], [-2, 3]]], r"walk\[1\]\[0\] is -2.0; it must be from 0 to 100 m"),
         (LENGTHS, [[[0, 4250], [2, 3]]], r"walk\[0\]\[1\] is 4250, larger than 100 m; .*metres"),
         (LENGTHS, [[[2, 3], [5, np.nan]]], r"\[1\]\[1\] is nan; it must be a finite number"),
+        (
+            PLACES,
+            [[[1, 2, 3], [0, -4250, 0]]],
+            r"walk\[1\]\[1\] is -4250, larger than 100 m; .*metr",
+        ),
         (Tuples((), 0.0), [-1], "walk is -1.0; it must be at least 0"),
         (Tuples((), 1.0, 2.0, "kg"), [3], "walk is 3.0; it must be from 1 to 2 kg"),
         (ROWS, [[[1, 2]] * 4], "walk has 4 entries; it must have 0 to 3"),

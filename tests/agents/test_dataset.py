@@ -98,6 +98,16 @@ def test_a_data_set_of_other_rules_is_refused(folder, arguments):
         load_dataset("bar-v0")
 
 
+@pytest.mark.parametrize("error", [OSError, ValueError, KeyError, TypeError])
+def test_whatever_minari_says_of_a_data_set_is_one_error(monkeypatch, error):
+    def failing(_):
+        raise error("half a file")
+
+    monkeypatch.setattr(minari, "load_dataset", failing)
+    with pytest.raises(SettingError, match=r"cannot load data set 'foo-v0': .*half a file"):
+        load_dataset("foo-v0")
+
+
 def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(folder, arguments):
     """With a map object, which goes into the data set as plain data."""
     name = "a-b/c_d/test-v12"

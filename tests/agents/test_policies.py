@@ -9,6 +9,7 @@ import pytest
 from mlivr_gym.agents import ExpertPolicy, RandomPolicy, baseline_policy, evaluate, planner_policy
 from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.policies import ReplanningPolicy
@@ -32,6 +33,30 @@ def test_expert_policy_is_optimal_and_random_is_not(small_map):
         evaluate(env, RandomPolicy(), 0)
     with pytest.raises(SettingError, match="two limbs"):
         evaluate(MlivrEnv(robot="mlivr3", collisions=False), ExpertPolicy(), 1)
+
+
+def test_what_an_expert_saw_before_is_of_no_matter(small_map):
+    """It answers as a new one does, whatever changes between two questions."""
+    env = MlivrEnv(map=small_map, collisions=False, grasp_failure=0.2)
+    env.reset(seed=0)
+    free = sorted(set(range(len(small_map))) - set(env.state.stance))
+    kept, answers = {expects: ExpertPolicy(expects) for expects in (True, False)}, set()
+    for change in (
+        lambda: None,
+        lambda: setattr(env, "goal", np.add(env.goal, (0.4, 0.0, 0.0))),
+        lambda: setattr(env, "goal_tolerance", 0.4),
+        lambda: setattr(env, "reward", env.reward._replace(step_reward=REWARDS["base"])),
+        lambda: setattr(env, "failure_probability", np.full(len(small_map), 0.4)),
+        lambda: env.graph.occupy(free[:3]),
+        env.graph.vacate,
+        lambda: env.reset(seed=1),
+    ):
+        change()
+        for expects, policy in kept.items():
+            told = policy.costs(env)
+            np.testing.assert_array_equal(told, ExpertPolicy(expects).costs(env))
+            answers.add((expects, told.tobytes()))
+    assert len(answers) >= 10
 
 
 def test_policies_follow_walks_to_their_end(env):

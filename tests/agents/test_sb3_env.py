@@ -58,6 +58,27 @@ def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map
     assert 3 <= arrived < ended
 
 
+def test_a_seed_holds_for_the_next_reset_alone(env):
+    """It gives the tasks that the vector environment has with it; without one they are others."""
+    copies = TableVecEnv(env, 3, "plain")
+
+    def tasks():
+        copies.reset()
+        vector = copies.vector_env
+        return vector.stances.tolist(), vector.goals.tolist()
+
+    seen = []
+    for seed in (3, 4, 3):
+        copies.seed(seed)
+        seen += [tasks(), tasks()]
+        copies.vector_env.reset(seed=seed)
+        vector = copies.vector_env
+        assert seen[-2] == (vector.stances.tolist(), vector.goals.tolist())
+    assert seen[0] == seen[4]
+    assert seen[0] != seen[2]
+    assert all(first != second for first, second in zip(seen[::2], seen[1::2], strict=True))
+
+
 def test_a_goal_that_is_reached_with_the_last_step_is_no_truncation(env, small_map):
     """Both happen at once; a learner must not go on from the value of the last state."""
     copies, single = (

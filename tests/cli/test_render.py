@@ -35,6 +35,9 @@ def test_ghosts_stand_in_the_stances_that_follow(plan_file, jem):
             [base for base, *_ in bases], [plan.configuration(n)[0] for n in range(k, last + 1)]
         )
         assert (f"pale: stances {k + 1} to {last}" in shot.captions[0]) == (k < last)
+        assert shot.captions[0].startswith(f"stance {k} of {last}")
+        assert ("the start" in shot.captions[0]) == (k == 0)
+        assert ("the goal" in shot.captions[0]) == (k == last)
 
 
 def test_render_writes_the_file_that_is_named_and_no_other(run, tmp_path, plan_file):

@@ -1,15 +1,23 @@
-"""Options of commands that describe a robot."""
+"""Options of commands that describe a robot, its map and the settings."""
 
 import argparse
 import json
 
 import numpy as np
+import pytest
 from robot_texts import FRANKA, IIWA14, UR10E, one_arm, whole_robot, written
 
-from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.cli.arguments import environment_arguments, world_options
+from mlivr_gym import RobotSpec, Settings, robot_spec
+from mlivr_gym.cli.arguments import (
+    chosen_map,
+    chosen_settings,
+    environment_arguments,
+    world_options,
+)
 from mlivr_gym.cli.help import output_options
 from mlivr_gym.cli.robots import chosen_robot
+from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.robot.cargo import Cargo
 
 
 def parsed(*words):
@@ -76,3 +84,46 @@ def test_joints_that_have_failed_are_those_of_with_failed_joint(run, ladder_file
     code, out, _ = run(f"info --json --map {ladder_file} {given}")
     assert code == 0
     assert json.loads(out)["robot"]["name"] == "mlivr2-iiwa-limb0-joint3"
+
+
+@pytest.mark.parametrize(
+    ("words", "settings", "robot"),
+    [
+        ("", {}, {}),
+        ("--no-manipulability", {"manipulability": False}, {}),
+        ("--no-transitions", {"transitions": False}, {}),
+        ("--no-collisions", {"collisions": False}, {}),
+        ("--clearance 0.03", {"clearance": 0.03}, {}),
+        ("--limb-threshold 0.05", {"limb_threshold": 0.05}, {}),
+        ("--base-threshold 1e-4", {"base_threshold": 1e-4}, {}),
+        ("--cargo 5 0.1 0.2 0.3", {}, {"cargo": Cargo(5.0, (0.1, 0.2, 0.3))}),
+        ("--robot mlivr2-ur3e", {}, {"name": "mlivr2-ur3e"}),
+        ("--unit mm", {}, {}),
+    ],
+)
+def test_each_option_means_the_same_to_plans_and_to_environments(
+    ladder, tmp_path, words, settings, robot
+):
+    """It changes what it names and nothing else, whether a plan or a policy is asked for."""
+    path, scale = tmp_path / "map.json", 1000.0 if "mm" in words else 1.0
+    points = [
+        {"id": name, "face": "deck", "position": place, "normal": [0, 0, 1], "rail": [0, 1, 0]}
+        for name, place in zip(ladder.ids, (scale * ladder.positions).tolist(), strict=True)
+    ]
+    cabin = dict(zip(("min", "max"), (scale * np.array(ladder.cabin)).tolist(), strict=True))
+    path.write_text(json.dumps({"name": "ladder", "points": points, "cabin": cabin}))
+    args = parsed("--map", str(path), *words.split())
+    vars(args).setdefault("quiet", True)
+    assert chosen_settings(args) == Settings(**settings)
+    name = robot.pop("name", "mlivr2")
+    found, expected = chosen_robot(args), robot_spec(name)
+    assert (found.name, found.limb) == (name, expected.limb)
+    for key, value in robot.items():
+        assert getattr(found, key) == value
+    assert robot or found == expected
+    there = chosen_map(args)
+    np.testing.assert_allclose(there.positions, ladder.positions, atol=1e-9)
+    graph = MlivrEnv(**environment_arguments(args)).graph
+    assert graph.robot == found
+    assert graph.grasp_map.fingerprint == there.fingerprint
+    assert graph.settings == Settings(**settings)

@@ -51,8 +51,10 @@ def test_a_plan_of_another_robot_or_a_step_that_it_lacks_is_named(jem):
     graph = stance_graph(jem)
     planner, (start, goal) = Planner(graph), QUERIES["mlivr2"]
     plan, state = planner.plan(start, goal).unwrap(), graph.state(start)
-    with pytest.raises(PlanError, match=f"taken is 99; the plan has {len(plan.steps)} steps"):
-        planner.remainder(plan, 99, state)
+    count = len(plan.steps)
+    for taken in (count + 1, 99):
+        with pytest.raises(PlanError, match=f"taken is {taken}; the plan has {count} steps"):
+            planner.remainder(plan, taken, state)
     assert planner.remainder(plan, 1, state) is None  # the robot is not there
     other = Planner(stance_graph(jem, "mlivr2-ur3e"))
     with pytest.raises(PlanError, match="was made for robot 'mlivr2'"):

@@ -4,14 +4,17 @@ from dataclasses import replace
 import numpy as np
 import oracle
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mlivr_gym import RobotSpec, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
+from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.robot.planning_lengths import geometric_order
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.schema import are_rotations
+from mlivr_gym.world.boxes import Box
 
 CAPSULE = {"link": "forearm", "start": [0, 0, 0], "end": [0, 0, 0.3], "radius": 0.05}
 
@@ -64,7 +67,12 @@ def test_the_shape_of_a_gripper_reaches_from_the_flange_to_the_grasp(tool):
         ({"capsules": []}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "base"}]}, "capsules has none on a link that moves"),
         ({"capsules": [CAPSULE | {"link": "hip"}]}, r"link is 'hip'; valid choices are 'base'"),
-        ({"capsules": [CAPSULE | {"link": "gripper", "start": [0, 0.1, 0]}]}, "flange axis"),
+        *(
+            ({"capsules": [CAPSULE | {"link": link, end: place}]}, rf"{end} .* on {link} .* axis")
+            for link in ("wrist_3", "gripper")
+            for end in ("start", "end")
+            for place in ([0, 0.1, 0], [0, -0.1, 0], [0.1, 0, 0], [-0.1, 0, 0])
+        ),
         ([], r"the data is \[\]; it must be an object"),
     ],
 )
@@ -124,3 +132,35 @@ def test_whole_mounts_make_the_same_robot_again(name):
     np.testing.assert_array_equal(again.mount_positions, robot.mount_positions)
     np.testing.assert_array_equal(again.mount_rotations, robot.mount_rotations)
     assert again.mounted == robot.mounted
+
+
+@pytest.mark.parametrize("limbs", [2, 3, 4])
+def test_whatever_tells_one_limb_from_another_makes_a_robot_unsymmetric(limbs):
+    """As mounted by default it is; each limb in turn moved, tilted, rolled or made another."""
+    robot = robot_spec(f"mlivr{limbs}")
+    even = [Mount(mount.position, mount.rotation) for mount in robot.mounted]
+    assert robot.is_symmetric
+    assert replace(robot, mounts=even).is_symmetric
+    longer = replace(robot.limb, joint_limits=((-3.0, 3.0),) * 6)
+    bare = robot.mounted[0].capsules[:-1]
+    changes = [
+        lambda m: {"position": tuple(np.add(m.position, (0.0, 0.0, 0.01)))},
+        lambda m: {"position": tuple(np.multiply(m.position, 1.1))},
+        *(
+            lambda m, turn=turn: {"rotation": Box.rows(np.array(m.rotation) @ turn)}
+            for turn in (Rotation.from_euler(axis, 0.1).as_matrix() for axis in "xyz")
+        ),
+        lambda _: {"limb": longer},
+        lambda _: {"capsules": bare},
+    ]
+    for k in range(limbs):
+        for change in changes:
+            mounts = [replace(m, **change(m)) if i == k else m for i, m in enumerate(even)]
+            assert not replace(robot, mounts=mounts).is_symmetric
+    for axis in "xyz":  # all together about the body
+        turn = Rotation.from_euler(axis, 0.1).as_matrix()
+        turned = [
+            Mount(tuple(turn @ m.position), Box.rows(turn @ np.array(m.rotation))) for m in even
+        ]
+        assert not replace(robot, mounts=turned).is_symmetric
+    assert replace(robot, body_size=(0.2, 0.2, 0.3)).is_symmetric == (limbs == 2)

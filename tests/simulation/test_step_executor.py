@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.recording import Capture, Peaks
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.step_executor import StepExecutor, _measures
+from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -58,6 +60,43 @@ def test_a_plan_begins_on_the_branches_and_half_turns_of_its_joint_angles(
         assert np.abs(off).max() < 1e-5
         turned |= {branch_set >= 1 << 8 for branch_set in state.branch_sets}
     assert turned == {False, True}
+
+
+@pytest.mark.parametrize("begun", ["start", "follow"])
+def test_the_path_of_a_plan_is_taken_as_long_as_the_steps_are_its_own(
+    small_checked_graph, executor, begun
+):
+    graph, rng = small_checked_graph, np.random.default_rng(3)
+    plans = (
+        Planner(graph).plan(start.stance, goal, "steps").unwrap()
+        for start, goal in (sample_task(graph, rng, 0.2) for _ in range(30))
+    )
+    plan = next(one for one in plans if len(one.steps) >= 3)
+
+    states = graph.states_along(
+        graph.state(plan.stances[0]), [graph.indices(stance) for stance in plan.stances[1:]]
+    )
+
+    def prepared(k):
+        limb, after = plan.steps[k].limb, states[k + 1]
+        made = executor.prepared(limb, after.stance[limb], after.branch_sets)
+        own = timed_path(plan.joint_path(k), executor.setup.timing)
+        own = trajectory(graph.grasp_map, plan.stances[k : k + 2], own, 0.002).joint_positions
+        taken = made.trajectory.joint_positions
+        np.testing.assert_allclose(taken[0], executor.joints, atol=1e-12)
+        executor.state, executor.joints = made.after, taken[-1]  # as if it had been simulated
+        return taken.shape == own.shape and np.allclose(taken, own, atol=1e-12)
+
+    executor.start(graph.state(plan.stances[0]), plan if begun == "start" else None)
+    if begun == "follow":
+        executor.joints = plan.joint_path(0).knots[0]
+        executor.follow(plan)
+    assert all(prepared(k) for k in range(len(plan.steps)))
+    executor.start(graph.state(plan.stances[0]), plan)
+    assert prepared(0)
+    executor.joints = executor.joints + 2e-5
+    executor.follow(plan)  # which begins elsewhere
+    assert not prepared(1)
 
 
 def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, executor):

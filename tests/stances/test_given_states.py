@@ -173,3 +173,14 @@ def test_no_stances_have_no_postures_and_no_steps(graph, state, small_map):
     alone = small_map.subset(np.isin(np.arange(len(small_map)), state.stance), "alone")
     few = stance_graph(alone, graph.robot, NO_COLLISIONS)
     assert len(few.successors(few.state(tuple(graph.ids(state.stance)))).limb) == 0
+
+
+@pytest.mark.parametrize("kind", [int, np.int8, np.uint8, np.int32, np.uint64, np.int64, "id"])
+def test_points_are_given_by_id_or_by_whole_numbers_of_any_type(graph, state, kind):
+    ids, goal = graph.grasp_map.ids, graph.configuration(state)[0].tolist()
+    given = [ids[k] if kind == "id" else kind(k) for k in state.stance]
+    assert [graph.grasp_map.index(point) for point in given] == list(state.stance)
+    assert graph.indices(given) == state.stance
+    assert graph.state(given) == graph.state(state.stance)
+    found = Planner(graph).plan(given, goal, "steps").unwrap()
+    assert found.stances[0] == tuple(ids[k] for k in state.stance)

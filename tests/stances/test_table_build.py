@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from small_tables import small_table, stop_at
 
-from mlivr_gym import stance_graph
+from mlivr_gym import Box, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.compiled.cached_files import cached_files
+from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import node_table_build, parts, table_files
 from mlivr_gym.stances.table_build import build_table
@@ -215,3 +216,14 @@ def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
     build_table(late)
     build_table(early)
     assert_same(early, whole)
+
+
+@pytest.mark.parametrize("change", ["obstacles", "occupied"])
+def test_no_table_is_built_of_a_world_that_was_changed(ladder, change):
+    graph = stance_graph(ladder)
+    if change == "obstacles":
+        graph.add_obstacles([Box.between("b", "obstacle", (0.1, 0.1, 0.5), (0.2, 0.2, 0.6))])
+    else:
+        graph.occupy([ladder.ids[0]])
+    with pytest.raises(SettingError, match="without obstacles and occupied points; clear them"):
+        build_table(graph)

@@ -8,7 +8,7 @@ import pytest
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MapError
 from mlivr_gym.world.grasp_map import GraspMap
-from mlivr_gym.world.rails import Handrail
+from mlivr_gym.world.rails import Handrail, Segment
 
 
 def test_closeouts_join_the_ends_of_their_section_in_all_four_corners(jem):
@@ -36,6 +36,27 @@ def test_racks_carry_the_tracks_that_are_named_after_them(jem):
         for track in (track for track in jem.segments if track.id[:-1] == name):
             assert abs(track.start[0] - box.centre[0]) < box.half[0]
     assert {track.id[:-1] for track in jem.segments} == set(racks)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_track_is_a_strip_under_the_line_of_its_grasps(seed):
+    """Its corners, by the ends of the line: half a width to each side, and a thickness down."""
+    rng = np.random.default_rng(seed)
+    start, end = rng.uniform(-5.0, 5.0, (2, 3))
+    normal = np.linalg.svd((end - start)[None])[2][1 + seed % 2]
+    width, thickness = rng.uniform(0.01, 0.1, 2)
+    track = Segment("T", "deck", tuple(start), tuple(end), tuple(normal), width, thickness)
+    box = track.box
+    assert (box.id, box.kind, box.face) == ("T", "track", "deck")
+    side = np.cross(normal, end - start) / np.linalg.norm(end - start)
+    corners = [
+        to + 0.5 * width * sign * side - depth * normal
+        for to in (start, end) for sign in (-1, 1) for depth in (0.0, thickness)
+    ]  # fmt: skip
+    local = (np.array(corners) - box.centre) @ np.array(box.rotation)
+    np.testing.assert_allclose(np.abs(local), np.tile(box.half, (8, 1)), atol=1e-12)
+    assert len(np.unique(np.sign(local), axis=0)) == 8
+    np.testing.assert_allclose(np.array(box.rotation)[:, 2], normal, atol=1e-12)
 
 
 @pytest.mark.parametrize("axis", "xyz")

@@ -8,7 +8,7 @@ from held_points import assert_held
 from oracle import flange
 from wrist_arms import pinocchio_wrist_arm
 
-from mlivr_gym import Settings, stance_graph
+from mlivr_gym import Settings, State, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.extensions.failed_joints import after_failure, reach_without
@@ -107,13 +107,43 @@ def test_a_joint_that_is_not_there_is_refused(request, kind):
                 fail(limb, joint)
 
 
-def test_a_limb_of_six_joints_reaches_what_it_can_hold_where_it_is(small_checked_graph):
-    """A stance with the limb at its point and the joint at its angle has the angle it had."""
+@pytest.mark.parametrize("limb", [0, 1])
+@pytest.mark.parametrize("joint", [1, 3, 6])
+def test_a_limb_of_six_joints_reaches_what_it_can_hold_where_it_is(
+    small_checked_graph, limb, joint
+):
+    """Counted by the configurations of all states with the limb at its point."""
     graph = small_checked_graph
-    state, goals = graph.state(graph.points[0]), graph.base_position
-    found = reach_without(graph, state, 0, 1, goals)
-    assert 1 <= found.stances <= (graph.points[:, 0] == state.stance[0]).sum()
-    assert found.goals >= found.stances
+    state = graph.state(graph.points[7])
+    angle = graph.configuration(state)[2][limb, joint - 1]
+    goals = np.concatenate([graph.base_position[::5], [[9.0, 9.0, 9.0]]])
+    held, reached = 0, np.zeros(len(goals), dtype=bool)
+    for stance in graph.points[graph.points[:, limb] == state.stance[limb]]:
+        whole, angles = graph.state(stance), []
+        for branch in range(16):
+            sets = list(whole.branch_sets)
+            sets[limb] &= 1 << branch
+            if sets[limb]:
+                one = graph.configuration(State(whole.stance, tuple(sets)))
+                angles.append(one[2][limb, joint - 1])
+        turned = np.angle(np.exp(1j * (np.array(angles) - angle)))
+        if (np.abs(turned) < 1e-3).any():
+            held += 1
+            reached |= np.linalg.norm(goals - one[0], axis=1) <= 0.2
+    assert reach_without(graph, state, limb, joint, goals) == (held, reached.sum())
+    assert 1 <= held < len(graph)
+    assert 0 < reached.sum() < len(goals)
+
+
+def test_a_limb_of_seven_joints_reaches_each_goal_that_has_a_plan(iiwas):
+    """The same goals one by one, and one where no stance is."""
+    state, joint = iiwas.state(("D2b:4", "D3a:1")), 2
+    goals = np.array([(2.4, 0.1, -0.3), (2.0, 0.1, -0.3), (2.6, 0.1, -0.3), (9.0, 0.0, 0.0)])
+    after, start = after_failure(iiwas, state, [(0, joint)])
+    reached = [bool(Planner(after).plan(start, goal, "steps")) for goal in goals.tolist()]
+    assert sum(reached) >= 2
+    assert not all(reached)
+    assert reach_without(iiwas, state, 0, joint, goals) == (len(after), sum(reached))
 
 
 def test_the_command_counts_what_is_reached_for_each_joint(small_map, tmp_path, capsys):
