@@ -20,7 +20,7 @@ from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
 START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
 BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
-SPEED, SIZE = 25.0, (160, 120)
+SPEED, SIZE = 10.0, (160, 120)
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 
 
@@ -74,7 +74,7 @@ def drawn(graph, record, tmp_path_factory):
         patch.setattr(rendering, "with_caption", lambda one, text, _: told.append(text) or one)
         path = tmp_path_factory.mktemp("film") / "walk.gif"
         closed_loop_film(graph, record, path, unknown=[BAG], size=SIZE, speed=SPEED)
-    times = [*np.arange(0.0, record.duration, SPEED / 25.0), record.duration]
+    times = [*np.arange(0.0, record.duration, SPEED / 10.0), record.duration]
     return list(zip(times, kept, zip(told[::2], told[1::2], strict=True), strict=True))
 
 
@@ -125,7 +125,7 @@ def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record
     begun = [event.time for event in record.events if event.kind == "step"]
     for time, (_, _, route), (clock, news) in drawn:
         done = sum(at <= time for at in begun)
-        assert clock.startswith(f"{time:.0f} s of {record.duration:.0f} s (x25), ")
+        assert clock.startswith(f"{time:.0f} s of {record.duration:.0f} s (x10), ")
         if time < record.duration:
             assert f"step {done + 1} of" in clock
             planned = [event for event in record.events if event.kind == "planned"][done]
@@ -133,7 +133,7 @@ def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record
             last = [event for event in record.events if event.time <= time][-1]
             assert news.endswith(last.line)
     assert drawn[-1][2] == (
-        f"{record.duration:.0f} s of {record.duration:.0f} s (x25), 2 steps",
+        f"{record.duration:.0f} s of {record.duration:.0f} s (x10), 2 steps",
         "stopped: no arrival within 2 attempted steps",
     )
 
@@ -157,7 +157,7 @@ def test_a_film_is_written(graph, record, tmp_path):
     path, shown = tmp_path / "walk.gif", []
     with gl_or_skip():
         closed_loop_film(
-            graph, record, path, unknown=[BAG], size=SIZE, speed=100.0, progress=shown.append
+            graph, record, path, unknown=[BAG], size=SIZE, speed=40.0, progress=shown.append
         )
     count = int(np.ceil(record.events[-1].time / 4.0)) + 1  # 0, 4, 8 s and so on, and the end
     assert shown == list(range(1, count + 1))
@@ -191,9 +191,9 @@ def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
 def test_a_film_that_would_not_fit_into_memory_is_refused(graph, record, tmp_path, monkeypatch):
     monkeypatch.setattr("mlivr_gym.pictures.films.MAX_FRAMES", 100)
     begin, *_, end = record.footage.recording.times
-    count = len(np.arange(begin, end, 2.5 / 25.0)) + 1
+    count = len(np.arange(begin, end, 1.0 / 10.0)) + 1
     with pytest.raises(RenderError, match=f"{count} frames, more than 100; choose a higher speed"):
-        closed_loop_film(graph, record, tmp_path / "walk.gif", speed=2.5)
+        closed_loop_film(graph, record, tmp_path / "walk.gif", speed=1.0)
 
 
 def test_a_walk_that_is_not_filmed_keeps_nothing(graph):
