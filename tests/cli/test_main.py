@@ -121,7 +121,10 @@ exit(main(["plan", "--method", "dijkstra", "--limb-threshold", "0.09", "--quiet"
         process.send_signal(signal.SIGINT)
         out, err = process.communicate()
     assert process.returncode == 130
-    assert (out, err) == ("", "mlivr-gym: interrupted\n")
+    *before_it, last = err.splitlines()
+    assert (out, last) == ("", "mlivr-gym: interrupted")
+    # It may still be compiling, and has said so.
+    assert all(line.startswith("mlivr-gym: compiling") for line in before_it)
     assert processor_time_of_children() - before < used + 10.0
 
 
