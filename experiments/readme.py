@@ -167,10 +167,14 @@ def at_first(planning: dict[str, Any], start: dict[str, Any]) -> str:
         """Return the times of a path for each Python."""
         runs = [(one["paths"][path], one["versions"]["Python"]) for one in start["pythons"]]
         return " and ".join(
-            f"{run['first']['wall']:.0f} s ({run['again']['wall']:.1f} s from then on) on Python "
-            + python
+            f"{run['first']['wall']:.0f} s ({run['again']['wall']:.1f} s from then on{warmed(run)}) "
+            f"on Python {python}"
             for run, python in runs
         )
+
+    def warmed(run: dict[str, Any]) -> str:
+        once = run.get("warmed")
+        return f", {once['wall']:.1f} s after `mlivr-gym warmup`" if once else ""
 
     new = planning["collisions on"]["steps"]["new goal"]["median"]
     return (

@@ -45,7 +45,7 @@ COMMANDS = {
         "mlivr-gym dataset --id mlivr/jem/expert-v0 --episodes 200",
     ),
     "warmup": (
-        "compile the code that the first plan needs",
+        "compile all that plans run",
         "mlivr-gym warmup",
     ),
     "build": (
