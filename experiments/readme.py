@@ -167,7 +167,8 @@ def at_first(planning: dict[str, Any], start: dict[str, Any]) -> str:
         """Return the times of a path for each Python."""
         runs = [(one["paths"][path], one["versions"]["Python"]) for one in start["pythons"]]
         return " and ".join(
-            f"{run['first']['wall']:.0f} s ({run['again']['wall']:.1f} s from then on{warmed(run)}) "
+            f"{run['first']['wall']:.0f} s "
+            f"({run['again']['wall']:.1f} s from then on{warmed(run)}) "
             f"on Python {python}"
             for run, python in runs
         )
