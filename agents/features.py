@@ -198,7 +198,7 @@ def action_lookahead(env: MlivrEnv, state: State, steps: Successors, of_points: 
     """
     out = np.zeros((len(steps.limb), 2 * DEPTH + 2))
     out[:, : DEPTH + 1] = MAX_GOAL_DISTANCE
-    if env.graph.limbs > 2:
+    if not env.graph.lists_all:
         away = np.linalg.norm(steps.base_position - env.goal, axis=1)
         out[:, : DEPTH + 1] = np.minimum(away, MAX_GOAL_DISTANCE)[:, None]
         return out

@@ -144,7 +144,7 @@ def print_plan(
             f"base {step.displacement:.3f} m, swing {step.swing}"
         )
     bound = plan.statistics.bound
-    if bound is not None and (graph.limbs > 2 or bound > 1.0):
+    if bound is not None and (not graph.lists_all or bound > 1.0):
         print(
             f"cost {plan.statistics.cost:.3f}, proved to be at most {bound:.3f} times the minimum"
         )

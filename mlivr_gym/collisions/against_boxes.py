@@ -14,10 +14,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.box_grid import BoundingBox, BoxGrid, GridBox
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED, compare_capsule_with_box
+from mlivr_gym.collisions.joint_lines import BaseMove, base_travel
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
+from mlivr_gym.collisions.placement import axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record, Vector
@@ -28,6 +30,10 @@ if TYPE_CHECKING:
 
 FLUSH = 2e-3
 """A box lies behind a grasp if it protrudes from the surface by no more than this [m]."""
+
+FAR = 0.35
+"""Travel from which on only a collision in the middle is looked for [m]: all that is within reach
+of a wide search takes long to compare, and is seldom clear. Affects the speed only."""
 
 
 class GraspSurface(Record):
@@ -148,30 +154,35 @@ def lies_behind(box: GridBox, surface: GraspSurface) -> bool:
 @kernel
 def compare_limb_with_boxes(
     limb: LimbModel,
-    shapes: Shapes,
+    ends: Array,
+    travel: Array,
+    base: Pose,
     pending: int,
     grid: BoxGrid,
     clearance: float,
     surface: GraspSurface,
 ) -> tuple[int, int]:
-    """Compare the capsules of a limb in the world with the boxes of a grid.
+    """Compare the capsules of a limb with the boxes of a grid.
 
-    The boxes behind the surface are omitted for the gripper. Returns a result, and the undecided
-    capsules of the set `pending`.
+    Their ends are in the body frame of a base in the world, shape (c, 2, 3), their travel in the
+    world, (c, 2) [m]. The boxes behind the surface are omitted for the gripper. Returns a result,
+    and the undecided capsules of the set `pending`.
     """
     undecided = 0
     for c in range(limb.capsule_count):
-        if has(pending, c):
-            inner = limb.capsules[c].radius + clearance
-            motion = shapes.motion[c, 0], shapes.motion[c, 1]
-            at_grasp = surface.applies and c >= limb.gripper
-            result = compare_with_grid(
-                axis_of(shapes.ends, c), inner, motion, grid, surface, at_grasp
-            )
-            if result > UNDECIDED:
-                return result, undecided
-            if result == UNDECIDED:
-                undecided |= only(c)
+        if not has(pending, c):
+            continue
+        moves, (a, b) = (travel[c, 0], travel[c, 1]), axis_of(ends, c)
+        is_far = max(moves[0], moves[1]) > FAR
+        if is_far:
+            moves = 0.0, 0.0
+        axis, at_grasp = (out_of(base, a), out_of(base, b)), surface.applies and c >= limb.gripper
+        inner = limb.capsules[c].radius + clearance
+        result = compare_with_grid(axis, inner, moves, grid, surface, at_grasp)
+        if result > UNDECIDED:
+            return result, undecided
+        if is_far or result == UNDECIDED:
+            undecided |= only(c)
     return UNDECIDED if undecided else CLEAR, undecided
 
 
@@ -179,20 +190,30 @@ def compare_limb_with_boxes(
 def compare_base_with_boxes(
     robot: RobotModel,
     base: Pose,
+    move: BaseMove,
+    half: float,
     grid: BoxGrid,
     clearance: float,
     nothing: GraspSurface,
 ) -> int:
-    """Compare the body and the mounts of all limbs with boxes at a base pose.
+    """Compare the body and the mounts of all limbs with boxes while the base moves.
 
+    It moves to either side by half an interval of its way, 0 if it rests; `move` is not read then.
     `nothing` is a record that is not read, since the base is at no grasp.
     """
+    undecided = False
     for c in range(robot.base_capsule_count):
-        capsule = robot.base_capsules[c]
+        capsule, moves = robot.base_capsules[c], (0.0, 0.0)
         a, b = capsule_axis(capsule.ends)
-        axis = out_of(base, a), out_of(base, b)
-        inner, at_grasp = capsule.radius + clearance, c < 0
-        result = compare_with_grid(axis, inner, (0.0, 0.0), grid, nothing, at_grasp)
-        if result != CLEAR:
+        if half > 0.0:
+            moves = base_travel(move, half, a), base_travel(move, half, b)
+        is_far = max(moves[0], moves[1]) > FAR
+        if is_far:
+            moves = 0.0, 0.0
+        axis, at_grasp = (out_of(base, a), out_of(base, b)), c < 0
+        inner = capsule.radius + clearance
+        result = compare_with_grid(axis, inner, moves, grid, nothing, at_grasp)
+        if result > UNDECIDED:
             return result
-    return CLEAR
+        undecided = undecided or is_far or result == UNDECIDED
+    return UNDECIDED if undecided else CLEAR

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
-from mlivr_gym.collisions.intervals import WHOLE, check_line
+from mlivr_gym.collisions.intervals import check_line
 from mlivr_gym.collisions.limb_shapes import RobotModel
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import (
@@ -77,9 +77,9 @@ def compare_with(
 
 @kernel
 def followed_branches(
-    i: int, branch_set: int, robot: RobotModel, grid: BoxGrid, lines: LineScratch
+    i: int, branch_set: int, before: int, robot: RobotModel, grid: BoxGrid, lines: LineScratch
 ) -> int:
-    """Return the branches and flips of a set on which a limb follows on the whole way.
+    """Return the branches and flips of a set on which a limb follows; see `check_line`.
 
     What it touches does not count.
     """
@@ -88,6 +88,6 @@ def followed_branches(
             choose_branch(i, b, branch_set, lines)
             compare_with(lines, EMPTY, NO, EMPTY, (NONE, NONE))
             lines.compared.placed = only(i)
-            follows = check_line(robot, grid, 0.0, WHOLE, lines) == CLEAR
+            follows = check_line(robot, grid, 0.0, before, lines) == CLEAR
             branch_set = with_flips(follows, i, branch_set, lines)
     return branch_set

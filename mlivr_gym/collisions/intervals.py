@@ -15,12 +15,13 @@ each interval, whatever they are then compared with.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import numpy as np
 
 from mlivr_gym.collisions.against_boxes import (
-    compare_with_grid,
+    compare_base_with_boxes,
+    compare_limb_with_boxes,
 )
 from mlivr_gym.collisions.against_robot import (
     compare_limb_with_body,
@@ -40,14 +41,11 @@ from mlivr_gym.collisions.joint_lines import (
     travel,
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import axis_of, capsule_axis
+from mlivr_gym.collisions.placement import axis_of
 from mlivr_gym.collisions.places import MOST_HALVINGS, LineScratch, place_robot
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.poses import length, minus, out_of, vector
-
-if TYPE_CHECKING:
-    from mlivr_gym.values import Triple
+from mlivr_gym.kinematics.poses import length, minus, vector
 
 FIRST_TURN = 4.0
 """Sum of the turns of a limb up to which a line is one interval at first [rad]; affects the speed
@@ -63,9 +61,6 @@ body."""
 
 WHOLE = cast(int, np.int64(0))
 """In place of the number of an interval: a line is to be proved, not looked at in places."""
-
-FAR = 0.35
-"""Travel from which on an interval is halved in any case [m]; affects the speed only."""
 
 
 @kernel
@@ -171,7 +166,10 @@ def _compare(
 ) -> int:
     """Make the comparisons that remain for an interval, and remove those that are clear."""
     if interval.base:
-        result = _compare_base(robot, grid, clearance, interval.half, scratch)
+        half = interval.half if scratch.line.moves else 0.0
+        result = compare_base_with_boxes(
+            robot, scratch.base, scratch.move, half, grid, clearance, scratch.surface
+        )
         if result > UNDECIDED:
             return result
         interval.base = result == UNDECIDED
@@ -190,34 +188,6 @@ def _compare(
 
 
 @kernel
-def _compare_base(
-    robot: RobotModel, grid: BoxGrid, clearance: float, half: float, scratch: LineScratch
-) -> int:
-    """Compare the body and the mounts with boxes."""
-    undecided = False
-    for c in range(robot.base_capsule_count):
-        capsule = robot.base_capsules[c]
-        a, b = capsule_axis(capsule.ends)
-        moves = _with_base(half, a, scratch), _with_base(half, b, scratch)
-        is_far = max(moves[0], moves[1]) > FAR
-        if is_far:
-            moves = 0.0, 0.0
-        axis, at_grasp = (out_of(scratch.base, a), out_of(scratch.base, b)), c < 0
-        inner = capsule.radius + clearance
-        result = compare_with_grid(axis, inner, moves, grid, scratch.surface, at_grasp)
-        if result > UNDECIDED:
-            return result
-        undecided = undecided or is_far or result == UNDECIDED
-    return UNDECIDED if undecided else CLEAR
-
-
-@kernel
-def _with_base(half: float, p: Triple, scratch: LineScratch) -> float:
-    """Bound how far a point of the body travels in the world on half an interval [m]."""
-    return base_travel(scratch.move, half, p) if scratch.line.moves else 0.0
-
-
-@kernel
 def _compare_limb(
     i: int,
     robot: RobotModel,
@@ -229,8 +199,16 @@ def _compare_limb(
     """Compare one limb with boxes, itself and the body."""
     limb, placed = robot.limbs[i], scratch.placed[scratch.at[i]]
     if interval.boxes[i]:
-        result, interval.boxes[i] = _compare_with_boxes(
-            limb, interval, placed, grid, clearance, scratch
+        _set_travel(limb, interval, placed, scratch)
+        result, interval.boxes[i] = compare_limb_with_boxes(
+            limb,
+            placed.in_body.ends,
+            scratch.travel,
+            scratch.base,
+            interval.boxes[i],
+            grid,
+            clearance,
+            scratch.surface,
         )
         if result > UNDECIDED:
             return result
@@ -250,41 +228,24 @@ def _compare_limb(
     return UNDECIDED if undecided else CLEAR
 
 
-@kernel
-def _compare_with_boxes(
-    limb: LimbModel,
-    interval: LineInterval,
-    placed: LimbPlace,
-    grid: BoxGrid,
-    clearance: float,
-    scratch: LineScratch,
-) -> tuple[int, int]:
-    """Compare capsules of a limb with boxes; return a result and those that are undecided."""
-    line, base, half, undecided = scratch.line, scratch.base, interval.half, EMPTY
+@part
+def _set_travel(
+    limb: LimbModel, interval: LineInterval, placed: LimbPlace, scratch: LineScratch
+) -> None:
+    """Bound how far the capsules of a limb that are compared with boxes travel in the world."""
+    follows, out = has(scratch.line.follows, limb.index), scratch.travel
     for c in range(limb.capsule_count):
         if not has(interval.boxes[limb.index], c):
             continue
-        capsule, (a, b) = limb.capsules[c], axis_of(placed.in_body.ends, c)
-        if has(line.follows, limb.index) and capsule.link >= HALFWAY:
-            # Seen from its grasp, the joints beyond the link move it.
-            at_a, at_b = travel(placed, capsule.link, 6, a), travel(placed, capsule.link, 6, b)
-        else:
-            at_a = placed.in_body.motion[c, 0] + _with_base(half, a, scratch)
-            at_b = placed.in_body.motion[c, 1] + _with_base(half, b, scratch)
-        # Of what travels far only a collision in the middle can be told, without a wide search.
-        is_far = max(at_a, at_b) > FAR
-        moves = (0.0, 0.0) if is_far else (at_a, at_b)
-        axis, at_grasp = (
-            (out_of(base, a), out_of(base, b)),
-            scratch.surface.applies and c >= limb.gripper,
-        )
-        inner = capsule.radius + clearance
-        result = compare_with_grid(axis, inner, moves, grid, scratch.surface, at_grasp)
-        if result > UNDECIDED:
-            return result, undecided
-        if is_far or result == UNDECIDED:
-            undecided |= only(c)
-    return UNDECIDED if undecided else CLEAR, undecided
+        link, axis = limb.capsules[c].link, axis_of(placed.in_body.ends, c)
+        for e in range(2):
+            if follows and link >= HALFWAY:
+                # Seen from its grasp, the joints beyond the link move it.
+                out[c, e] = travel(placed, link, 6, axis[e])
+                continue
+            out[c, e] = placed.in_body.motion[c, e]
+            if scratch.line.moves:
+                out[c, e] += base_travel(scratch.move, interval.half, axis[e])
 
 
 @kernel

@@ -21,7 +21,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.limb_shapes import LimbModel
-from mlivr_gym.collisions.placement import Shapes, capsule_axis, out_of_link
+from mlivr_gym.collisions.placement import Shapes, axis_of, place
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
@@ -111,16 +111,12 @@ def place_limb(
 @kernel
 def place_capsules(limb: LimbModel, capsules: int, to: LimbPlace) -> None:
     """Place those capsules of a limb that are in a set, and bound their travel."""
-    ends, moves = to.in_body.ends, to.in_body.motion
+    place(limb, capsules, to.frames, to.in_body.ends)
     for c in range(limb.capsule_count):
         if has(capsules, c):
-            capsule = limb.capsules[c]
-            axis = capsule_axis(capsule.ends)
+            axis, link = axis_of(to.in_body.ends, c), limb.capsules[c].link
             for e in range(2):
-                p = out_of(limb.mount, out_of_link(to.frames, capsule.link, axis[e]))
-                for k in range(3):
-                    ends[c, e, k] = p[k]
-                moves[c, e] = travel(to, 0, capsule.link, p)
+                to.in_body.motion[c, e] = travel(to, 0, link, axis[e])
 
 
 @kernel

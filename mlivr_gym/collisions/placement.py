@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.limb_shapes import LimbModel
+from mlivr_gym.compiled.bit_sets import EVERY, has
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Joints, Record
 from mlivr_gym.kinematics.chain import link_frames
-from mlivr_gym.kinematics.poses import Pose, out_of
+from mlivr_gym.kinematics.poses import out_of
 from mlivr_gym.robot.sizes import MOST_CAPSULES
 
 if TYPE_CHECKING:
@@ -34,8 +35,6 @@ class Placed(Record):
     """Link frames in the limb base frame, see `chain.link_frames`."""
     in_body: Shapes
     """Its capsules in the body frame."""
-    in_world: Shapes
-    """Its capsules in the world frame."""
 
 
 @kernel
@@ -48,20 +47,18 @@ def axis_of(ends: Array, c: int) -> tuple[Triple, Triple]:
 
 
 @kernel
-def set_axis(ends: Array, c: int, axis: tuple[Triple, Triple]) -> None:
-    """Set both ends of the axis of capsule `c`."""
-    for k in range(3):
-        ends[c, 0, k], ends[c, 1, k] = axis[0][k], axis[1][k]
+def place(limb: LimbModel, capsules: int, frames: Array, ends: Array) -> None:
+    """Compute the ends of those capsules of a limb that are in a set, in the body frame.
 
-
-@kernel
-def place(limb: LimbModel, frames: Array, out: Shapes) -> None:
-    """Compute the capsule ends of a limb in the body frame from its link frames."""
+    Link frames are in the limb base frame, ends have shape (c, 2, 3) [m].
+    """
     for c in range(limb.capsule_count):
-        capsule = limb.capsules[c]
-        a, b = capsule_axis(capsule.ends)
-        first, second = out_of_link(frames, capsule.link, a), out_of_link(frames, capsule.link, b)
-        set_axis(out.ends, c, (out_of(limb.mount, first), out_of(limb.mount, second)))
+        if has(capsules, c):
+            axis = capsule_axis(limb.capsules[c].ends)
+            for e in range(2):
+                p = out_of(limb.mount, out_of_link(frames, limb.capsules[c].link, axis[e]))
+                for k in range(3):
+                    ends[c, e, k] = p[k]
 
 
 @kernel
@@ -81,14 +78,6 @@ def out_of_link(frames: Array, f: int, p: Triple) -> Triple:
     )
 
 
-@kernel
-def place_in_world(limb: LimbModel, base: Pose, in_body: Shapes, in_world: Shapes) -> None:
-    """Compute the capsule ends of a limb in the world frame from those in the body frame."""
-    for c in range(limb.capsule_count):
-        a, b = axis_of(in_body.ends, c)
-        set_axis(in_world.ends, c, (out_of(base, a), out_of(base, b)))
-
-
 @entry
 def place_in_body(robots: Any, i: int, placed: Any) -> None:
     """Compute the capsule ends of limb `i` in the body frame from its joint angles.
@@ -97,4 +86,4 @@ def place_in_body(robots: Any, i: int, placed: Any) -> None:
     """
     limb, one = robots[0].limbs[i], placed[0]
     link_frames(limb.arm, one.q, one.frames)
-    place(limb, one.frames, one.in_body)
+    place(limb, EVERY, one.frames, one.in_body.ends)

@@ -36,7 +36,7 @@ from mlivr_gym.kinematics.base_path import pose_on_path
 from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.poses import Pose
-from mlivr_gym.robot.sizes import MOST_LIMBS
+from mlivr_gym.robot.sizes import MOST_CAPSULES, MOST_LIMBS
 
 MOST_HALVINGS = 10
 """An undecided interval of half length `2^-MOST_HALVINGS` of a line counts as a collision."""
@@ -80,6 +80,8 @@ class LineScratch(Record):
     """Joint angles there [rad]."""
     frames: Annotated[Array, (7, 4, 3)]
     """Link frames there, see `chain.link_frames`."""
+    travel: Annotated[Array, (MOST_CAPSULES, 2)]
+    """How far the capsules of a limb travel in the world at most [m]."""
     move: BaseMove
     """How it moves straight there."""
     intervals: Annotated[Rows[LineInterval], (MOST_HALVINGS + 2,)]

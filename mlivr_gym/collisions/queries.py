@@ -14,8 +14,9 @@ from mlivr_gym.collisions.against_boxes import (
 )
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import CLEAR
+from mlivr_gym.collisions.joint_lines import BaseMove
 from mlivr_gym.collisions.limb_shapes import RobotModel
-from mlivr_gym.collisions.placement import Placed, capsule_axis, place, place_in_world
+from mlivr_gym.collisions.placement import Placed, capsule_axis, place
 from mlivr_gym.compiled.bit_sets import BRANCHES, below, has_branch, without_branch
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.records import Record
@@ -61,6 +62,8 @@ class QueryScratch(Record):
     """The limb that is checked."""
     surface: GraspSurface
     """The grasp at which the gripper is."""
+    move: BaseMove
+    """The base, which rests."""
 
 
 @entry
@@ -120,7 +123,9 @@ def remove_touching_branches(
         k = chosen[n]
         grid, clearance = surroundings.grid, surroundings.clearance
         base = postures.base[k]
-        result = compare_base_with_boxes(robot, base, grid, clearance, scratch.surface)
+        result = compare_base_with_boxes(
+            robot, base, scratch.move, 0.0, grid, clearance, scratch.surface
+        )
         if result != CLEAR:
             postures.cause[k] = result
             for i in range(robot.limb_count):
@@ -157,13 +162,15 @@ def _check_branch(
     seen, _ = flange_seen(limb, base, grasp.flange)
     if not branch_frames(limb.arm, seen, b, placed.frames):
         return CLEAR + 1
-    place(limb, placed.frames, placed.in_body)
-    place_in_world(limb, base, placed.in_body, placed.in_world)
+    shapes, pending = placed.in_body, below(limb.first_on_axis)
+    place(limb, pending, placed.frames, shapes.ends)
     set_grasp_surface(scratch.surface, vector(grasp.point), vector(grasp.normal))
     result, _ = compare_limb_with_boxes(
         limb,
-        placed.in_world,
-        below(limb.first_on_axis),
+        shapes.ends,
+        shapes.motion,
+        base,
+        pending,
         surroundings.grid,
         surroundings.clearance,
         scratch.surface,

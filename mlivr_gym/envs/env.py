@@ -264,7 +264,7 @@ class MlivrEnv(StanceGraphEnv):
         )  # fmt: skip
         graph = stance_graph(as_map(map), carrying(robot_spec(robot), cargo), settings)
         layouts = isinstance(self.tasks, LayoutTasks)
-        if layouts and graph.limbs > 2:
+        if layouts and not graph.lists_all:
             raise SettingError(
                 f"tasks with layouts need two limbs; robot {graph.robot.name!r} has {graph.limbs}"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from mlivr_gym.collisions.followers import followed_branches, set_follower
+from mlivr_gym.collisions.intervals import WHOLE
 from mlivr_gym.compiled.bit_sets import (
     ALL,
     BRANCHES,
@@ -67,7 +68,7 @@ def _departing(search: PostureSearch, i: int, scratch: PostureScratch) -> int:
     lift_path(lines.line.path, scratch.base, grasp, robot.lift)
     lines.floor = limits.floor * robot.characteristic_length**3
     set_follower(i, grasp.flange, lines)
-    return followed_branches(i, branch_set, robot, search.grid, lines)
+    return followed_branches(i, branch_set, WHOLE, robot, search.grid, lines)
 
 
 @part

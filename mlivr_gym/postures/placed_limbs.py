@@ -19,8 +19,8 @@ from mlivr_gym.collisions.distances import (
     segment_distance_squared,
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
-from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place, place_in_world
-from mlivr_gym.compiled.bit_sets import below
+from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis, place
+from mlivr_gym.compiled.bit_sets import EVERY, below
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.kinematics.inverse import branch_frames
 from mlivr_gym.kinematics.limb import flange_seen
@@ -58,12 +58,12 @@ def limb_fits(search: PostureSearch, i: int, b: int, scratch: PostureScratch) ->
 
     If so, its distance from itself and the body and its `K^-1` are stored.
     """
-    robot, limb, frames = search.robot, search.robot.limbs[i], scratch.placed.frames
+    robot, limb, frames = search.robot, search.robot.limbs[i], scratch.frames
     flange, _ = flange_seen(limb, scratch.base, search.geometry.grasps[i].flange)
     if not branch_frames(limb.arm, flange, b, frames):
         return False
     shapes, information = scratch.in_body[i, b], scratch.information[i, b]
-    place(limb, frames, shapes)
+    place(limb, EVERY, frames, shapes.ends)
     scratch.gaps[i, b] = _gap_to_body(robot, limb, shapes, search.clearance)
     if scratch.gaps[i, b] < search.clearance:
         return False
@@ -84,10 +84,15 @@ def _touches_boxes(search: PostureSearch, i: int, shapes: Shapes, scratch: Postu
     limb, grasp, stance = search.robot.limbs[i], search.geometry.grasps[i], search.geometry.place
     point, normal = out_of(stance, vector(grasp.point)), vector(grasp.normal)
     set_grasp_surface(scratch.surface, point, turned(stance.rotation, normal))
-    place_in_world(limb, scratch.base_in_world, shapes, scratch.in_world)
-    pending = below(limb.first_on_axis)
     result, _ = compare_limb_with_boxes(
-        limb, scratch.in_world, pending, search.grid, search.clearance, scratch.surface
+        limb,
+        shapes.ends,
+        shapes.motion,
+        scratch.base_in_world,
+        below(limb.first_on_axis),
+        search.grid,
+        search.clearance,
+        scratch.surface,
     )
     return result != CLEAR
 

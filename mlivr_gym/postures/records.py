@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import GraspSurface
 from mlivr_gym.collisions.box_grid import BoxGrid
-from mlivr_gym.collisions.placement import Placed, Shapes
+from mlivr_gym.collisions.placement import Shapes
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.bit_sets import BRANCHES, CLASSES
 from mlivr_gym.compiled.records import Matrix, Record, Rows, Vector
@@ -168,10 +168,8 @@ class PostureScratch(Record):
     """Distance of each limb from itself and the body on each branch on which it is placed [m]."""
     in_body: Annotated[Rows[Shapes], (MOST_LIMBS, BRANCHES)]
     """Capsules of each limb in the body frame on each branch on which it is placed."""
-    in_world: Shapes
-    """Capsules of a limb in the world frame."""
-    placed: Placed
-    """A limb that does not move."""
+    frames: Annotated[Array, (7, 4, 3)]
+    """Link frames of a limb in its base frame, see `chain.link_frames`."""
     inversion: Inversion
     """Work arrays of matrix inversion."""
     surface: GraspSurface

@@ -85,12 +85,12 @@ def set_base(search: PostureSearch, pose: int, least: float, scratch: PostureScr
 @part
 def _base_touches(search: PostureSearch, scratch: PostureScratch) -> bool:
     """Return whether the base touches a box that counts."""
-    base, surface = scratch.base_in_world, scratch.surface
-    return (
-        search.has_boxes
-        and compare_base_with_boxes(search.robot, base, search.grid, search.clearance, surface)
-        != CLEAR
-    )
+    if not search.has_boxes:
+        return False
+    base, rests, nothing = scratch.base_in_world, scratch.lines.move, scratch.surface
+    grid, clearance = search.grid, search.clearance
+    found: int = compare_base_with_boxes(search.robot, base, rests, 0.0, grid, clearance, nothing)
+    return found != CLEAR
 
 
 @kernel

@@ -19,6 +19,7 @@ from mlivr_gym.collisions.queries import (
     check_points,
     remove_touching_branches,
 )
+from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.kinematics.grasps import grasp_rows
@@ -50,8 +51,8 @@ from mlivr_gym.world.grasp_map import GraspMap
 SCRATCH = ScratchPool(PostureScratch)
 """Scratch of the choice of postures."""
 
-LEAST_IN_THREADS, MANY_LIMBS_IN_THREADS = 2000, 32
-"""Minimum number of stances of two, and of more limbs that are computed in threads."""
+COMBINATIONS_IN_THREADS = 128_000
+"""Number of combinations of branches, of all stances, from which on threads compute postures."""
 
 TOUCHING_IN_THREADS = 100
 """Minimum number of postures that are compared with boxes in threads; each takes about 5 us."""
@@ -215,7 +216,7 @@ class PostureSolver:
         _, one, same = np.unique(codes, return_index=True, return_inverse=True)
         found = Posture.rows(len(one))
         bases = given if is_given else Pose.rows(1)
-        least = LEAST_IN_THREADS if limbs == 2 else MANY_LIMBS_IN_THREADS
+        least = COMBINATIONS_IN_THREADS // BRANCHES**limbs
         with SCRATCH.borrowed() as rows:
             in_parallel(
                 len(one), solve_all, stances[one], bases, world, found, scratch_rows=rows,

@@ -24,6 +24,7 @@ from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import (
     choose_branch,
     compare_with,
+    followed_branches,
     forget,
     set_follower,
     with_flips,
@@ -142,16 +143,9 @@ def follow(before: int, step: StepRecord, context: StepContext, scratch: StepScr
     """
     robot, lines = context.robots[0], scratch.line
     for i in range(robot.limb_count):
-        branch_set = scratch.clear[i]
-        for b in range(BRANCHES):
-            if has_branch(branch_set, b):
-                choose_branch(i, b, branch_set, lines)
-                compare_with(lines, EMPTY, NO, EMPTY, (NONE, NONE))
-                lines.compared.placed = only(i)
-                follows = stays_clear(before, 0, robot, context.world, lines)
-                branch_set = with_flips(follows, i, branch_set, lines)
-        scratch.clear[i] = branch_set
-        if i != step.limb and branch_set == EMPTY:
+        kept = followed_branches(i, scratch.clear[i], before, robot, context.world.boxes, lines)
+        scratch.clear[i] = kept
+        if i != step.limb and kept == EMPTY:
             return False
     return True
 

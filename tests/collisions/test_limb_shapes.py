@@ -11,6 +11,7 @@ from mlivr_gym.collisions.allowed_collisions import ALLOWED_COLLISIONS
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, OBSTACLE, segments_distance
+from mlivr_gym.collisions.joint_lines import BaseMove
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.kinematics.poses import pose
 from mlivr_gym.robot.capsules import LINKS
@@ -53,8 +54,8 @@ def test_what_moves_with_the_base_contains_body_and_mounts():
 
     def answer(point):
         speck = Box("speck", "obstacle", tuple(point), (5e-4, 5e-4, 5e-4))
-        grid, nothing = box_grid((speck,)), GraspSurface.row()
-        return called(compare_base_with_boxes)(shapes.robot, origin, grid, 0.0, nothing)
+        grid, rests, nothing = box_grid((speck,)), BaseMove.row(), GraspSurface.row()
+        return called(compare_base_with_boxes)(shapes.robot, origin, rests, 0.0, grid, 0.0, nothing)
 
     corners = np.array(list(itertools.product((-1.0, 1.0), repeat=3))) * half
     inside = [*corners, *rng.uniform(-half, half, (200, 3))]

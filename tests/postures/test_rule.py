@@ -15,6 +15,7 @@ from stance_axes import axes_of
 from mlivr_gym import Settings, State, robot_spec, stance_graph
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.followers import followed_branches, set_follower
+from mlivr_gym.collisions.intervals import WHOLE
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import RobotError, StanceError
 from mlivr_gym.kinematics.base_path import lift_path
@@ -187,7 +188,7 @@ def departing(graph, s, i, branches):
     lines["floor"] = float(limits["floor"]) * graph.robot.characteristic_length**3
     called(set_follower)(i, grasp["flange"], lines)
     branch_set = sum(0x101 << b for b in branches)
-    return called(followed_branches)(i, branch_set, robot, graph.solver.boxes, lines)
+    return called(followed_branches)(i, branch_set, WHOLE, robot, graph.solver.boxes, lines)
 
 
 def branch_sets_by_definition(graph, s):

@@ -180,9 +180,9 @@ class ClosedLoopEnv(MlivrEnv):
         for _ in range(DRAWS):
             self.things = unknown_things(self.graph, task.start, rng, self.boxes, self.plates)
             plan = self._plan_that_knows_them(task)
-            if plan is not None or self.graph.limbs > 2:
+            if plan is not None or not self.graph.lists_all:
                 break
-        if self.graph.limbs == 2:
+        if self.graph.lists_all:
             self._task_info = {"fewest_steps": -1 if plan is None else len(plan.steps)}
         obstacles = (*self.graph.obstacles, *self.things)
         executor = StepExecutor(self.graph, executor.setup, obstacles)
@@ -195,7 +195,7 @@ class ClosedLoopEnv(MlivrEnv):
 
     def _plan_that_knows_them(self, task: Task) -> Plan | None:
         """Return an optimal plan among the things; None if there is none, or for more limbs."""
-        if self.graph.limbs > 2:
+        if not self.graph.lists_all:
             return None
         planner, goal, tolerance = Planner(self.graph), task.goal.tolist(), self.goal_tolerance
         self.graph.add_obstacles(self.things)

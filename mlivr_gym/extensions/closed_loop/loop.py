@@ -161,7 +161,7 @@ def run_closed_loop(
     plan = partial(planner.plan, goal=goal, cost=cost, goal_tolerance=goal_tolerance)
 
     def plan_from(state: State, patience: float) -> PlanningResult:
-        if graph.limbs == 2:  # until a plan is proved to be the best
+        if graph.lists_all:  # until a plan is proved to be the best
             return plan(state, options=SearchOptions(inflation=1.0))
         if patience == 1.0:
             found = plan(state, options=SearchOptions(inflation=INFLATION, effort=LITTLE_EFFORT))

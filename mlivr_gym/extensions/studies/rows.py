@@ -77,7 +77,7 @@ class _Plans:
         """Plan a task; return its columns."""
         levels, graph = self._levels, self._graph
         start, goal = drawn_task(graph, self._seed, task, levels["occupied"])
-        limit = None if graph.limbs == 2 else levels["time_limit"]
+        limit = None if graph.lists_all else levels["time_limit"]
         began = time.perf_counter()
         found = Planner(graph).plan(start, goal, levels["cost"], time_limit=limit)
         row = {
