@@ -5,8 +5,6 @@ Results and sets are those of `against_boxes`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from mlivr_gym.collisions.distances import (
@@ -22,43 +20,6 @@ from mlivr_gym.collisions.placement import Shapes, axis_of, capsule_axis
 from mlivr_gym.compiled.bit_sets import has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.poses import minus, vector
-
-if TYPE_CHECKING:
-    from mlivr_gym.values import Triple
-
-
-@kernel
-def has_separating_plane(
-    first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float
-) -> bool:
-    """Return whether a plane normal to a coordinate axis separates two segments.
-
-    Their distance from each other is then greater than `outer`. The segments are given by their
-    ends [m].
-    """
-    (p, p_end), (q, q_end) = first, second
-    for k in range(3):
-        if (
-            min(p[k], p_end[k]) - max(q[k], q_end[k]) > outer
-            or min(q[k], q_end[k]) - max(p[k], p_end[k]) > outer
-        ):
-            return True
-    return False
-
-
-@kernel
-def compare_capsule_pair(
-    first: tuple[Triple, Triple],
-    second: tuple[Triple, Triple],
-    inner: float,
-    more: float,
-    moves: tuple[float, float],
-) -> int:
-    """Compare two capsules given by the ends of their axes; see `compare_capsules`."""
-    if has_separating_plane(first, second, inner + more + max(moves[0], moves[1])):
-        return CLEAR
-    (p, p_end), (q, q_end) = first, second
-    return compare_capsules(p, minus(p_end, p), q, minus(q_end, q), inner, more, moves)
 
 
 @kernel
@@ -78,7 +39,7 @@ def compare_limb_with_itself(
             travel(placed, first.link, second.link, axis[0]),
             travel(placed, first.link, second.link, axis[1]),
         )
-        result = compare_capsule_pair(axis, axis_of(ends, i), inner, 0.0, moves)
+        result = compare_capsules(axis, axis_of(ends, i), inner, 0.0, moves)
         if result == SELF:
             return SELF, undecided
         if result == UNDECIDED:
@@ -106,9 +67,7 @@ def compare_limb_with_body(
             mount = robot.mounts[m]
             if worst < SELF and capsule.link >= limb.first_link[m]:
                 fixed = capsule_axis(mount.ends)
-                worst = max(
-                    worst, compare_capsule_pair(axis, fixed, inner + mount.radius, 0.0, moves)
-                )
+                worst = max(worst, compare_capsules(axis, fixed, inner + mount.radius, 0.0, moves))
         if worst == SELF:
             return SELF, undecided
         if worst == UNDECIDED:
@@ -159,7 +118,7 @@ def compare_limbs(
         for j in range(second.capsule_count):
             inner = first.capsules[i].radius + second.capsules[j].radius + clearance
             more = max(others.motion[j, 0], others.motion[j, 1])
-            result = compare_capsule_pair(axis, axis_of(others.ends, j), inner, more, moves)
+            result = compare_capsules(axis, axis_of(others.ends, j), inner, more, moves)
             if result == SELF:
                 return SELF, undecided
             if result == UNDECIDED:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from mlivr_gym.compiled.kernels import entry, kernel
+from mlivr_gym.kinematics.poses import minus
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
@@ -182,31 +183,51 @@ def keeps_distance(
 
 
 @kernel
+def has_separating_plane(
+    first: tuple[Triple, Triple], second: tuple[Triple, Triple], outer: float
+) -> bool:
+    """Return whether a plane normal to a coordinate axis separates two segments.
+
+    Their distance from each other is then greater than `outer`. The segments are given by their
+    ends [m].
+    """
+    (p, p_end), (q, q_end) = first, second
+    for k in range(3):
+        if (
+            min(p[k], p_end[k]) - max(q[k], q_end[k]) > outer
+            or min(q[k], q_end[k]) - max(p[k], p_end[k]) > outer
+        ):
+            return True
+    return False
+
+
+@kernel
 def compare_capsules(
-    p: Triple,
-    u: Triple,
-    q: Triple,
-    v: Triple,
+    first: tuple[Triple, Triple],
+    second: tuple[Triple, Triple],
     inner: float,
     more: float,
     moves: tuple[float, float],
 ) -> int:
-    """Compare two capsules with axes from `p` to `p + u` and from `q` to `q + v`.
+    """Compare two capsules given by both ends of their axes [m].
 
     `inner` is the sum of the radii and the clearance; the second capsule may move by `more`, the
-    first by `moves` at `p` and at its other end, linear in between [m]. The result is `CLEAR`,
-    `UNDECIDED` or `SELF`.
+    first by `moves` at either end, linear in between [m]. The result is `CLEAR`, `UNDECIDED` or
+    `SELF`.
     """
-    at_p, at_u = moves
+    (p, p_end), (q, q_end), (at_p, at_end) = first, second, moves
+    outer = inner + more + max(at_p, at_end)
+    if has_separating_plane(first, second, outer):
+        return CLEAR
+    u, v = minus(p_end, p), minus(q_end, q)
     square = segment_distance_squared(p, u, q, v)
     if square < inner * inner:
         return SELF
-    outer = inner + more + max(at_p, at_u)
     if square >= outer * outer:
         return CLEAR
     # The end that moves farther need not be the one closer to the other axis.
-    if at_p != at_u and keeps_distance(
-        SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_u
+    if at_p != at_end and keeps_distance(
+        SEGMENT, q, v, p, u, inner + more + at_p, inner + more + at_end
     ):
         return CLEAR
     return UNDECIDED
@@ -218,7 +239,7 @@ def compare_capsule_with_box(
 ) -> int:
     """Compare a capsule with a box centred at the origin: `CLEAR`, `UNDECIDED` or `SELF`.
 
-    The arguments are those of `compare_capsules`.
+    Its axis runs from `p` to `p + d` [m]; for the rest see `compare_capsules`.
     """
     at_p, at_d = moves
     if keeps_distance(BOX, half, half, p, d, inner + at_p, inner + at_d):

@@ -104,7 +104,8 @@ def place_limb(
     for j in range(6):
         to.q[j] = first[j] + middle * (last[j] - first[j])
         to.change[j] = half * abs(last[j] - first[j])
-    place_axes(limb, to)
+    link_frames(limb.arm, to.q, to.frames)
+    _set_axes(limb, to)
     place_capsules(limb, capsules, to)
 
 
@@ -117,13 +118,6 @@ def place_capsules(limb: LimbModel, capsules: int, to: LimbPlace) -> None:
             axis, link = axis_of(to.in_body.ends, c), limb.capsules[c].link
             for e in range(2):
                 to.in_body.motion[c, e] = travel(to, 0, link, axis[e])
-
-
-@kernel
-def place_axes(limb: LimbModel, to: LimbPlace) -> None:
-    """Compute link frames and joint axes of a limb from its joint angles."""
-    link_frames(limb.arm, to.q, to.frames)
-    _set_axes(limb, to)
 
 
 @kernel

@@ -96,12 +96,3 @@ def whole_class(choice: int) -> int:
 def class_of(branch: int) -> int:
     """Return the class of a branch."""
     return branch >> 1
-
-
-@kernel
-def first_branch(branch_set: int) -> int:
-    """Return the first branch of a branch set that is not empty."""
-    branch = EMPTY
-    while branch < BRANCHES - 1 and not has_branch(branch_set, branch):
-        branch += 1
-    return branch

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mlivr_gym.collisions.against_boxes import compare_limb_with_boxes, set_grasp_surface
-from mlivr_gym.collisions.against_robot import has_separating_plane
 from mlivr_gym.collisions.box_grid import BoxGrid
 from mlivr_gym.collisions.distances import (
     CLEAR,
+    has_separating_plane,
     segment_box_distance_squared,
     segment_distance_squared,
 )

@@ -17,7 +17,7 @@ import numpy as np
 from mlivr_gym.collisions.against_boxes import compare_base_with_boxes
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, NONE, class_of
-from mlivr_gym.compiled.kernels import kernel, part
+from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.manipulability import inverse_root_determinant
 from mlivr_gym.postures.base_poses import TIE, place, pose_count, set_pose
 from mlivr_gym.postures.placed_limbs import PostureSearch, gap_between_limbs, limb_fits
@@ -42,7 +42,10 @@ def choose(search: PostureSearch, floor: float, out: Posture, scratch: PostureSc
         least = best * (1.0 - TIE)
         if not set_base(search, pose, least * rule.scale_m, scratch):
             continue
-        if _base_touches(search, scratch):
+        base, rests, nothing = scratch.base_in_world, scratch.lines.move, scratch.surface
+        if search.has_boxes and compare_base_with_boxes(
+            search.robot, base, rests, 0.0, search.grid, search.clearance, nothing
+        ):
             continue
         for number in range(_list_options(search, least, scratch)):
             w_m, least = set_combination(limbs, number, scratch), best * (1.0 - TIE)
@@ -80,17 +83,6 @@ def set_base(search: PostureSearch, pose: int, least: float, scratch: PostureScr
         set_pose(geometry, rule, pose, scratch.base)
     place(geometry, scratch.base, scratch.base_in_world)
     return set_reach(search.robot, geometry, scratch.base, least, scratch.w_m)
-
-
-@part
-def _base_touches(search: PostureSearch, scratch: PostureScratch) -> bool:
-    """Return whether the base touches a box that counts."""
-    if not search.has_boxes:
-        return False
-    base, rests, nothing = scratch.base_in_world, scratch.lines.move, scratch.surface
-    grid, clearance = search.grid, search.clearance
-    found: int = compare_base_with_boxes(search.robot, base, rests, 0.0, grid, clearance, nothing)
-    return found != CLEAR
 
 
 @kernel

@@ -48,40 +48,35 @@ def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_r
 
     For the parameters see `steps.check_all`.
     """
+    robot, world = context.robots[0], context.world
     for k in range(start, stop):
-        _relax(steps[k], context, scratch_rows[0])
-
-
-@kernel
-def _relax(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
-    """Write the branches that support limbs keep at most into `step.kept`."""
-    stances, robot, world = context.stances, context.robots[0], context.world
-    begin(step, context, scratch)
-    if world.stop == 0:
-        if follow(WHOLE, step, context, scratch):
-            for i in range(robot.limb_count):
-                step.kept[i] = scratch.clear[i]
-        return
-    before = stances.releases[step.before, step.limb]
-    after = stances.releases[step.after, step.limb]
-    if before.branches == 0 or after.branches == 0:
-        return
-    # Most branches that are lost are lost in a middle, which is quick to see.
-    if not each_alone(MIDDLES, step, context, scratch):
-        return
-    if not each_alone(WHOLE, step, context, scratch):
-        return
-    _find_apart(step, context, scratch)
-    for fold in range(robot.fold_count):
-        if has(before.folds & after.folds, fold) and not _keeps_all(step, context, scratch):
-            set_fold(fold, step, robot, scratch)
-            _add_beside_swing(step, context, scratch)
-    if not _keeps_all(step, context, scratch):
-        count = lines_by_travel(step, context, scratch)
-        for k in range(min(count, TRIES)):
-            if not _keeps_all(step, context, scratch):
-                set_swing_line(scratch.order[k], step, scratch)
+        step, scratch = steps[k], scratch_rows[0]
+        begin(step, context, scratch)
+        if world.stop == 0:
+            if follow(WHOLE, step, context, scratch):
+                for i in range(robot.limb_count):
+                    step.kept[i] = scratch.clear[i]
+            continue
+        before = context.stances.releases[step.before, step.limb]
+        after = context.stances.releases[step.after, step.limb]
+        if before.branches == 0 or after.branches == 0:
+            continue
+        # Most branches that are lost are lost in a middle, which is quick to see.
+        if not each_alone(MIDDLES, step, context, scratch):
+            continue
+        if not each_alone(WHOLE, step, context, scratch):
+            continue
+        _find_apart(step, context, scratch)
+        for fold in range(robot.fold_count):
+            if has(before.folds & after.folds, fold) and not _keeps_all(step, context, scratch):
+                set_fold(fold, step, robot, scratch)
                 _add_beside_swing(step, context, scratch)
+        if not _keeps_all(step, context, scratch):
+            count = lines_by_travel(step, context, scratch)
+            for n in range(min(count, TRIES)):
+                if not _keeps_all(step, context, scratch):
+                    set_swing_line(scratch.order[n], step, scratch)
+                    _add_beside_swing(step, context, scratch)
 
 
 @kernel

@@ -39,7 +39,6 @@ from mlivr_gym.compiled.bit_sets import (
     NONE,
     YES,
     both_flips,
-    first_branch,
     has,
     has_branch,
     only,
@@ -322,7 +321,9 @@ def _keep_apart(i: int, j: int, context: StepContext, scratch: StepScratch) -> N
     if kept:
         clear[j] = kept
         return
-    chosen = first_branch(clear[j])
+    chosen = 0
+    while not has_branch(clear[j], chosen):
+        chosen += 1
     clear[j] &= both_flips(chosen)
     for b in range(BRANCHES):
         if has_branch(clear[i], b):

@@ -18,7 +18,12 @@ TIE = 1e-9
 
 @kernel
 def lines_by_travel(step: StepRecord, context: StepContext, scratch: StepScratch) -> int:
-    """List the lines along which a limb may swing, see `pairs_by_travel`; return how many."""
+    """List the lines along which a limb may swing, the shortest first; return how many.
+
+    They are written into `scratch.order` as pairs of branches above both points. Lines of equal
+    length, of which there are many where wrists are spherical, come in the order of their branches
+    at the point that comes first: the step back takes the same line.
+    """
     stances, robot, world = context.stances, context.robots[0], context.world
     limb = robot.limbs[step.limb]
     for side in range(2):
@@ -29,18 +34,8 @@ def lines_by_travel(step: StepRecord, context: StepContext, scratch: StepScratch
         scratch.lifted[side] = lifted_branches(robot, limb, base, grasp, branch_set, side, scratch)
     start = world.grasps[stances.points[step.before, step.limb]].point
     end = world.grasps[stances.points[step.after, step.limb]].point
-    return pairs_by_travel(comes_first(vector(end), vector(start)), scratch)
-
-
-@kernel
-def pairs_by_travel(back: bool, scratch: StepScratch) -> int:
-    """Write the pairs of branches above both points, the shortest line first, into `scratch.order`.
-
-    Returns the number of pairs. Lines of equal length, of which there are many where wrists are
-    spherical, come in the order of their branches at the point that comes first, which is the
-    second with `back`: the step back takes the same line.
-    """
-    order, travel, count = scratch.order, scratch.travel, 0
+    back, order, travel = comes_first(vector(end), vector(start)), scratch.order, scratch.travel
+    count = 0
     for first in range(BRANCHES):
         for second in range(BRANCHES):
             b0, b1 = (second, first) if back else (first, second)

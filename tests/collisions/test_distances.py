@@ -106,8 +106,8 @@ def test_capsules_are_clear_as_far_as_samples_of_their_motion_tell(
         body = coal.Box(*(2.0 * shape)), coal.Transform3s.Identity()
         more = 0.0
     else:
-        ends = tuple(first), tuple(second - first)
-        answer = called(compare_capsules)(*given, *ends, inner, more, moves)
+        axes = (tuple(start), tuple(end)), (tuple(first), tuple(second))
+        answer = called(compare_capsules)(*axes, inner, more, moves)
         body = capsule(1e-6, first, second)
     gap = max(apart(capsule(1e-6, start, end), body), 0.0)
     places = start + np.linspace(0.0, 1.0, 41)[:, None] * (end - start)
