@@ -9,7 +9,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES
 from mlivr_gym.kinematics.chain import SEEDS, Form
-from mlivr_gym.kinematics.forms import frames_at
+from mlivr_gym.kinematics.forms import foot, frames_at
 
 TRIED = 16384
 """Number of postures among which seeds are chosen."""
@@ -21,7 +21,7 @@ USEFUL = 0.02
 def set_wrist(form: Form, steps: Array) -> None:
     """Fill in where the wrist is, by the steps of a chain, shape (6, 4, 4)."""
     frames = _frames(steps, np.zeros((1, 5)))[0]
-    wrist = wrist_point(frames[4], frames[5])
+    wrist = foot(frames[:, :3, 2], frames[:, :3, 3], 5, 4)
     out = frames[4, :3, :3].T @ (wrist - frames[4, :3, 3])
     form["wrist"][:] = out
     form["past_wrist"] = float((frames[5, :3, 3] - wrist) @ frames[5, :3, 2])
@@ -30,38 +30,22 @@ def set_wrist(form: Form, steps: Array) -> None:
     form["unit"] = max(float(between) / 3.0, 1e-3)
 
 
-def wrist_point(fifth: Array, flange: Array) -> Array:
-    """Return the point of the flange axis nearest to axis 5, by two frames (4, 4) -> (3,)."""
-    axis, other = flange[:3, 2], fifth[:3, 2]
-    normal = np.cross(other, np.cross(axis, other))
-    across = float(axis @ normal)
-    share = float((fifth[:3, 3] - flange[:3, 3]) @ normal) / across if across > 1e-9 else 0.0
-    point: Array = flange[:3, 3] + share * axis
-    return point
-
-
 def _frames(steps: Array, turns: Array) -> Array:
     """Return frames of the links 1 to 6 at turns of joints 1 to 5, (k, 5) -> (k, 6, 4, 4)."""
     angles = np.concatenate([turns, np.zeros((len(turns), 1))], axis=1)
     return frames_at(steps, np.ones(6), angles)[:, 1:]
 
 
-def _forearm_end(frames: Array) -> Array:
-    """Return the points of axis 4 nearest to axis 5, (k, 6, 4, 4) -> (k, 3)."""
-    return np.array([wrist_point(one[4], one[3]) for one in frames])
-
-
-def _squared(origins: Array, points: Array) -> Array:
-    """Return squared distances of the origins of frames from points, shape (k,)."""
-    away = origins[:, :3, 3] - points
-    squares: Array = (away * away).sum(axis=1)
-    return squares
+def _squared_arm(frames: Array) -> Array:
+    """Return squared distances of link 2 from axis 4, where that is nearest to axis 5, (k,)."""
+    ends = np.array([foot(one[:, :3, 2], one[:, :3, 3], 3, 4) for one in frames])
+    away = frames[:, 1, :3, 3] - ends
+    return np.asarray((away * away).sum(axis=1))
 
 
 def _along_axis_4(frames: Array) -> Array:
     """Return cosines of the angle between axes 4 and 6, shape (k,)."""
-    cosines: Array = (frames[:, 3, :3, 2] * frames[:, 5, :3, 2]).sum(axis=1)
-    return cosines
+    return np.asarray((frames[:, 3, :3, 2] * frames[:, 5, :3, 2]).sum(axis=1))
 
 
 def _largest(steps: Array, joint: int, value: Callable[[Array], Array]) -> float:
@@ -77,7 +61,7 @@ def set_seeds(form: Form, steps: Array, windows: Array) -> None:
     Steps have shape (6, 4, 4), windows of how far joints are turned (6, 2) [rad].
     """
     unit = float(form["unit"])
-    form["elbow"] = _largest(steps, 2, lambda f: _squared(f[:, 1], _forearm_end(f)))
+    form["elbow"] = _largest(steps, 2, _squared_arm)
     form["bend"] = _largest(steps, 4, _along_axis_4)
     angles = np.zeros((TRIED, 5))
     low, high = windows.T

@@ -9,7 +9,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.forms import closed_form
+from mlivr_gym.kinematics.forms import closed_form, foot
 from mlivr_gym.robot.capsules import Capsule
 from mlivr_gym.robot.default_shapes import default_capsules
 from mlivr_gym.robot.description import LEAST_MASS, Description, JointData
@@ -19,7 +19,7 @@ from mlivr_gym.robot.file_parts import LimbParts, frame_on, joined, mount_of
 from mlivr_gym.robot.file_shapes import fitted_capsules
 from mlivr_gym.robot.limb import Limb, link_frames
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
-from mlivr_gym.robot.rigid import foot, inverse, quaternion_of, rigid, turn_about_z
+from mlivr_gym.robot.rigid import inverse, quaternion_of, rigid, turn_about_z
 from mlivr_gym.robot.validators import FARTHEST_TURN
 from mlivr_gym.robot.visuals import MOST_VISUALS, Visual
 from mlivr_gym.values import MAX_ROBOT_LENGTH, as_triple

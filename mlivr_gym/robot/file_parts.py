@@ -9,10 +9,11 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
+from mlivr_gym.kinematics.forms import foot
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.description import LEAST_MASS, Description
 from mlivr_gym.robot.file_arms import FileArm
-from mlivr_gym.robot.rigid import RigidBody, combined, foot, inverse, rigid
+from mlivr_gym.robot.rigid import RigidBody, combined, inverse, rigid
 
 TOOL_LENGTH = 0.05
 """Length of the gripper that is added to an arm without one [m]."""

@@ -16,6 +16,7 @@ from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import Description, written_in
+from mlivr_gym.robot.fields import RobotFields
 from mlivr_gym.robot.file_arms import arms_of
 from mlivr_gym.robot.file_limb import FileLimb, limb_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
@@ -29,15 +30,12 @@ from mlivr_gym.robot.file_parts import (
 )
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
+from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import Mount
-from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
 from mlivr_gym.robot.rigid import inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import Box
-
-UR5E_ARM = 0.425 + 0.3922
-"""Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
 
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
@@ -243,7 +241,7 @@ def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
     if fitted:
         told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
     source = "".join(c if c.isprintable() else " " for c in "; ".join(told))
-    scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
+    scale = max(limb.limb.arm_length for limb in limbs) / Limb().arm_length
     return {
         "name": file.name,
         "limb": first.limb,
@@ -252,7 +250,7 @@ def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
         "dynamics": first.dynamics,
         "gripper_mass": min(limb.gripper_mass for limb in limbs),
         "source": source[:MAX_REMARK_LENGTH],
-        "heights": tuple(scale * height for height in HEIGHTS),
-        "span": scale * SPAN,
-        "characteristic_length": scale * CHARACTERISTIC_LENGTH,
+        "heights": tuple(scale * height for height in RobotFields.heights),
+        "span": scale * RobotFields.span,
+        "characteristic_length": scale * RobotFields.characteristic_length,
     }

@@ -15,10 +15,6 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of an inertia in the order xx, yy, zz, xy, xz, yz."""
 
 
-PARALLEL = 1e-6
-"""Sine of the angle between axes below which they count as parallel."""
-
-
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
     """Return the rigid transform of a rotation (3, 3) and a position (3,), shape (4, 4)."""
     frame = np.eye(4)
@@ -29,19 +25,6 @@ def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
 def inverse(frame: Array) -> Array:
     """Return the inverse of a rigid transform, shape (4, 4)."""
     return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
-
-
-def foot(axes: Array, points: Array, k: int, other: int) -> Array:
-    """Return the point of an axis that is closest to another one, of parallel ones its own point.
-
-    Axes are unit vectors and a point on each, both of shape (n, 3).
-    """
-    across = np.cross(axes[other], np.cross(axes[k], axes[other]))
-    share = float(axes[k] @ across)
-    point: Array = points[k]
-    if share > PARALLEL * PARALLEL:
-        point = point + float((points[other] - points[k]) @ across) / share * axes[k]
-    return point
 
 
 def turn_about_z(angle: float) -> Array:
