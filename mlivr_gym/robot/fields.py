@@ -12,9 +12,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.capsules import LINKS, GivenCapsules
+from mlivr_gym.robot.capsules import LINKS, GivenCapsules, default_capsules
 from mlivr_gym.robot.cargo import CARGO, Cargo, check_room
-from mlivr_gym.robot.default_shapes import default_capsules
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import (
     ARMS,

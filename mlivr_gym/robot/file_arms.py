@@ -227,14 +227,5 @@ def _holding(file: Description, arm: FileArm, name: str | None, angle: float | N
                 )
         return arm
     index = HELD_JOINT - 1 if name is None else joints.index(name)
-    figures = file.joints[arm.joints[index]]
-    low, high = figures.limits or (-np.pi, np.pi)
-    if not low <= (angle or 0.0) <= high:
-        given = "missing" if angle is None else f"{angle:g} rad"
-        zero = " and cannot be at 0" if angle is None else ""
-        raise RobotError(
-            f"held_angle is {given}; joint {figures.name!r} turns from {low:g} to {high:g} rad"
-            + zero
-        )
     file.data.qpos[file.model.jnt_qposadr[arm.joints[index]]] = angle or 0.0
     return arm._replace(held=index, angle=angle or 0.0)

@@ -17,22 +17,14 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import Description, written_in
 from mlivr_gym.robot.fields import RobotFields
-from mlivr_gym.robot.file_arms import arms_of
-from mlivr_gym.robot.file_limb import FileLimb, limb_of
+from mlivr_gym.robot.file_arms import FileArm, arms_of
+from mlivr_gym.robot.file_limb import FileLimb, LimbParts, joined, limb_of, limb_parts, mount_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
-from mlivr_gym.robot.file_parts import (
-    LimbParts,
-    body_and_bases,
-    frame_on,
-    joined,
-    limb_parts,
-    mount_of,
-)
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.mounts import Mount
-from mlivr_gym.robot.rigid import inverse, rigid
+from mlivr_gym.robot.rigid import frame_on, inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import Box
@@ -95,7 +87,7 @@ def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: boo
         return RobotFile(written | fields)
     file = Description(path, tree, options)
     arms = arms_of(file, options)
-    members, bases = body_and_bases(file, arms)
+    members, bases = _body_and_bases(file, arms)
     every = zip(arms, bases, strict=True)
     parts = [limb_parts(file, arm, base, options.tool_length) for arm, base in every]
     if len(arms) == 1:
@@ -206,6 +198,31 @@ def _body(
     solid = joined(file, members, frame)
     fields = dict(zip(("body_mass", "body_centre", "body_inertia"), solid, strict=True))
     return frame, {"body_size": size} | (fields if solid.mass else {})
+
+
+def _body_and_bases(
+    file: Description, arms: tuple[FileArm, ...]
+) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    """Return the bodies of the robot's body, its root first, and those that fix each limb to it.
+
+    Raises a `RobotError` if several limbs do not stand on one body.
+    """
+    first = [file.body_of(arm.moving[0]) for arm in arms]
+    roots = {file.carriers(body)[-1] for body in first}
+    if len(arms) > 1 and (len(roots) > 1 or roots & set(first)):
+        names = ", ".join(repr(file.name_of(root)) for root in sorted(roots))
+        raise RobotError(
+            f"the limbs stand on {names}; all must be mounted on one body, put these into one"
+        )
+    before = [set(file.carriers(file.parent(body))) for body in first]
+    fixed, bases = file.nearest(first) == 0, []
+    for k, mine in enumerate(before):
+        # What carries this limb alone belongs to it, with what is on that.
+        alone = mine - set[int]().union(*before[:k], *before[k + 1 :])
+        bases.append(tuple(np.flatnonzero(fixed & (file.nearest(alone) > 0)).tolist()))
+    members = fixed & (file.nearest(roots) > 0)
+    members[[body for base in bases for body in base]] = False
+    return tuple(np.flatnonzero(members).tolist()), bases
 
 
 def _even(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:

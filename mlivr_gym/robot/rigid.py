@@ -27,6 +27,19 @@ def inverse(frame: Array) -> Array:
     return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
 
 
+def frame_on(given: Array, z: Array, anchor: Array, place: Array) -> Array:
+    """Return the frame with a z axis and its origin on that where a place is closest to it.
+
+    Its x axis is that of a given frame, or where z is close to it the given y axis.
+    """
+    x = given[:3, 0] - (given[:3, 0] @ z) * z
+    if np.linalg.norm(x) < 0.5:
+        x = given[:3, 1] - (given[:3, 1] @ z) * z
+    x /= np.linalg.norm(x)
+    origin = anchor + ((place - anchor) @ z) * z
+    return rigid(np.stack([x, np.cross(z, x), z], axis=1), origin)
+
+
 def turn_about_z(angle: float) -> Array:
     """Return the rigid transform of a turn about the z axis [rad], shape (4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
