@@ -88,11 +88,10 @@ class Description:
         data.qpos[:] = model.qpos0
         data.qpos[model.jnt_qposadr[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE]] = 0.0
         mujoco.mj_kinematics(model, data)
-        self.joints = _joint_data(model, hinges.tolist(), speeds, options)
-        if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
-            endless = (-FARTHEST_TURN, FARTHEST_TURN)
-            for k, one in self.joints.items():
-                self.joints[k] = one._replace(limits=one.limits or endless)
+        # In MJCF a hinge without a range turns without end, as a continuous joint.
+        unlimited = (-FARTHEST_TURN, FARTHEST_TURN) if tree.tag == "mujoco" else None
+        every = _joint_data(model, hinges.tolist(), speeds, options)
+        self.joints = {k: one._replace(limits=one.limits or unlimited) for k, one in every.items()}
         joint = np.where(model.body_jntnum, model.body_jntadr, -1)
         is_free = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE if model.njnt else False
         self.moving: list[int] = np.flatnonzero((joint >= 0) & ~np.asarray(is_free)).tolist()

@@ -23,7 +23,7 @@ from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
 from mlivr_gym.robot.limb import Limb
-from mlivr_gym.robot.mounts import Mount
+from mlivr_gym.robot.mounts import Mount, even_mounts
 from mlivr_gym.robot.rigid import frame_on, inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
@@ -231,22 +231,18 @@ def _even(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | 
     Its x axis points to limb 0, and round its z axis, one of some axes that are columns of shape
     (3, 3), they lie in order. Mounts in the world have shape (N, 4, 4). None if they are not even.
     """
-    outward, centre = mounts[:, :3, 2], mounts[:, :3, 3].mean(axis=0)
-    away = mounts[:, :3, 3] - centre
-    radius = float((away * outward).sum(axis=1).mean())
-    if radius < 0.0 or np.abs(away - radius * outward).max() > EVEN:
+    x, centre = mounts[0, :3, 2], mounts[:, :3, 3].mean(axis=0)
+    radius = float((mounts[0, :3, 3] - centre) @ x)
+    if radius < 0.0:
         return None
+    expected = np.array([mount.frame for mount in even_mounts(len(mounts), radius)])
     for z in axes.T[::-1]:
-        if np.abs(outward @ z).max() > EVEN:
-            continue
-        x = outward[0]
-        angles = np.arctan2(outward @ np.cross(z, x), outward @ x)
+        frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
+        seen = inverse(frame) @ mounts
         # What rounding leaves below 0 stays there, so that limb 0 comes first.
-        angles = (angles + EVEN) % (2.0 * np.pi) - EVEN
+        angles = (np.arctan2(seen[:, 1, 2], seen[:, 0, 2]) + EVEN) % (2.0 * np.pi)
         order = np.argsort(angles)
-        gaps = np.diff([*angles[order], 2.0 * np.pi])
-        if np.abs(gaps - 2.0 * np.pi / len(mounts)).max() <= 10.0 * EVEN:
-            frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
+        if np.abs((seen[order] - expected)[:, :3, 2:]).max() <= EVEN:
             return frame, round(radius, 9), tuple(order.tolist())
     return None
 
