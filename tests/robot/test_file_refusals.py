@@ -82,7 +82,7 @@ REFUSED = (
     (with_mesh(ARM, "package://gone/a.stl"), {},
      "mesh 'package://gone/a.stl' of link 'link1' is not found; .*package_dirs"),
     (with_mesh(ARM, f"{'x' * 255}.stl"), {}, "mesh 'xxx.* of link 'link1' is not found"),
-    (ARM, {"tool_frame": "hand"}, "no link or site 'hand'; it has links base"),
+    (ARM, {"tool_frame": "hand"}, "no link or site 'hand'; it has base"),
     (ARM, {"tool_frame": ("tool0", "tool0")}, "tool_frame has 2 entries; the file has 1 limbs"),
     (ARM, {"tips": ["base_link"]}, "no joint lies before 'base_link'"),
     (ARM, {"torque_limits": (1.0, 2.0)}, "torque_limits has 2 entries; the file has 6 joints"),
