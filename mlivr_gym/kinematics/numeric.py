@@ -76,12 +76,6 @@ LEAST = 1e-9
 
 
 @kernel
-def links_of(arm: Chain, q: Angles5) -> Links:
-    """Return the frames of the links by how far the joints are turned."""
-    return links_at(arm, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5))
-
-
-@kernel
 def wrist_and_axis(arm: Chain, links: Links) -> tuple[Triple, Triple]:
     """Return the wrist point [m] and the flange axis."""
     wrist = along(links.f5.o, 1.0, out_of_axes(links.f5, vector(arm.form.wrist)))
@@ -119,7 +113,7 @@ def solved(arm: Chain, flange: FlangeAxis, start: Angles5) -> tuple[bool, Angles
     q, unit, last = start, arm.form.unit, np.inf
     wrist, axis = along(flange.p, -arm.form.past_wrist, flange.z), flange.z
     for step in range(STEPS):
-        links = links_of(arm, q)
+        links = links_at(arm, bend_of_turns(*q))
         at, along_axis = wrist_and_axis(arm, links)
         (x, y, z), away = minus(axis, along_axis), minus(wrist, at)
         error = Column(away, (unit * x, unit * y, unit * z))
@@ -183,9 +177,10 @@ def solution(arm: Chain, flange: FlangeAxis, branch: int) -> tuple[bool, Bend]:
         farther, q = least, seeds[chosen].q
         there, found = solved(arm, flange, Angles5(q[0] + azimuth, q[1], q[2], q[3], q[4]))
         if there:
-            links = links_of(arm, found)
+            bend = bend_of_turns(*found)
+            links = links_at(arm, bend)
             if name_of(arm, links, found) == branch and size_of(arm, links) > LEAST:
-                return True, bend_of_turns(*found)
+                return True, bend
     return False, bend_of_turns(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -218,4 +213,4 @@ def refined(arm: Chain, flange: FlangeAxis, form: Bend) -> tuple[bool, Bend]:
     there = there and abs(q.q1 - start.q1) < FARTHEST and abs(q.q2 - start.q2) < FARTHEST
     there = there and abs(q.q3 - start.q3) < FARTHEST and abs(q.q4 - start.q4) < FARTHEST
     there = there and abs(q.q5 - start.q5) < FARTHEST
-    return there, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5)
+    return there, bend_of_turns(*q)
