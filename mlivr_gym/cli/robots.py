@@ -11,7 +11,7 @@ from typing import Any
 from mlivr_gym.arguments import ANY_NUMBER
 from mlivr_gym.collisions.always_close import always_close_links
 from mlivr_gym.errors import SettingError
-from mlivr_gym.robot.cargo import CARGO, Cargo, carrying
+from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.specification import SUFFIXES, RobotSpec, robot_spec
 from mlivr_gym.robot.validators import APART
@@ -96,4 +96,4 @@ def _number(word: str | None) -> Any:
 
 def chosen_robot(args: argparse.Namespace) -> RobotSpec:
     """Return the robot of all options, with the cargo of `--cargo`."""
-    return carrying(described_robot(args), args.cargo)
+    return described_robot(args).carrying(args.cargo)

@@ -1,7 +1,7 @@
 """Places of the robot on a line in joint space, and how far shapes travel from there (compiled).
 
 Every motion is made of pieces on which the joint angles of limbs change linearly. The base rests;
-or it moves straight, and the limbs that hold follow it, see `kinematics.following`.
+or it moves straight, and the limbs that hold follow it, see `collisions.following`.
 
 **Travel.** A point that a chain of joints carries is `p = T_1 .. T_n x`. Let joint j be turned by
 `d_j` against the middle of a piece. The difference of p from its place in the middle telescopes:
@@ -20,19 +20,19 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.collisions.limb_shapes import LimbModel
-from mlivr_gym.collisions.placement import Shapes, axis_of, place
-from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
-from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
-from mlivr_gym.kinematics.base_path import BasePath
-from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window, link_frames
-from mlivr_gym.kinematics.following import (
+from mlivr_gym.collisions.base_path import BasePath
+from mlivr_gym.collisions.following import (
     Following,
     JointAxesSeen,
     bound_changes,
     invert_jacobian,
 )
+from mlivr_gym.collisions.limb_shapes import LimbModel
+from mlivr_gym.collisions.placement import Shapes
+from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
+from mlivr_gym.compiled.kernels import kernel
+from mlivr_gym.compiled.records import Joints, Record, Rows, Vector
+from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE, in_window, link_frames
 from mlivr_gym.kinematics.limb import Angles, posture_at
 from mlivr_gym.kinematics.poses import Pose, cross, into, length, minus, out_of, vector
 from mlivr_gym.robot.sizes import MOST_LIMBS

@@ -12,8 +12,10 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.collisions.against_boxes import GraspSurface
+from mlivr_gym.collisions.base_path import pose_on_path
 from mlivr_gym.collisions.compared import Compared, LineInterval, RestingLimbs
 from mlivr_gym.collisions.distances import CLEAR, SELF, UNDECIDED
+from mlivr_gym.collisions.following import Following, invert_jacobian
 from mlivr_gym.collisions.joint_lines import (
     BaseMove,
     JointLine,
@@ -32,8 +34,6 @@ from mlivr_gym.collisions.limb_shapes import LimbModel, RobotModel
 from mlivr_gym.compiled.bit_sets import BRANCHES, EMPTY, EVERY, has
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows
-from mlivr_gym.kinematics.base_path import pose_on_path
-from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.sizes import MOST_CAPSULES, MOST_LIMBS

@@ -30,7 +30,7 @@ from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.envs.tasks import TASKS
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.robot.cargo import Cargo, carrying
+from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import RobotSpec, robot_spec
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.settings import CLEARANCE, Settings
@@ -262,7 +262,7 @@ class MlivrEnv(StanceGraphEnv):
             manipulability, transitions, limb_threshold, base_threshold, collisions=collisions,
             clearance=clearance,
         )  # fmt: skip
-        graph = stance_graph(as_map(map), carrying(robot_spec(robot), cargo), settings)
+        graph = stance_graph(as_map(map), robot_spec(robot).carrying(cargo), settings)
         layouts = isinstance(self.tasks, LayoutTasks)
         if layouts and not graph.lists_all:
             raise SettingError(

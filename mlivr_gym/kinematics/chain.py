@@ -227,14 +227,6 @@ def set_frames(links: Links, flange: Frame, frames: Array) -> None:
 
 
 @kernel
-def bend_by(arm: Chain, q: Array) -> Bend:
-    """Return how far joints 1 to 5 are turned at joint angles, shape (6,) [rad]."""
-    a, b, c = arm.sense[0] * q[0], arm.sense[1] * q[1], arm.sense[2] * q[2]
-    d, e = arm.sense[3] * q[3], arm.sense[4] * q[4]
-    return bend_of_turns(a, b, c, d, e)
-
-
-@kernel
 def bend_of_turns(a: float, b: float, c: float, d: float, e: float) -> Bend:
     """Return cosines and sines of the turns of joints 1 to 5 [rad]."""
     c1, c2, c3, c4, c5 = math.cos(a), math.cos(b), math.cos(c), math.cos(d), math.cos(e)
@@ -249,8 +241,10 @@ def link_frames(arm: Chain, q: Array, frames: Array) -> None:
     `frames`, shape (7, 4, 3): of links 0 (the mount) to 6 (the flange) the origin [m] and axes x,
     y, z, z along the joint.
     """
-    links, last = links_at(arm, bend_by(arm, q)), arm.sense[5] * q[5]
-    flange = turned_frame(stepped(arm, 5, links.f5), math.cos(last), math.sin(last))
+    a, b, c = arm.sense[0] * q[0], arm.sense[1] * q[1], arm.sense[2] * q[2]
+    d, e, f = arm.sense[3] * q[3], arm.sense[4] * q[4], arm.sense[5] * q[5]
+    links = links_at(arm, bend_of_turns(a, b, c, d, e))
+    flange = turned_frame(stepped(arm, 5, links.f5), math.cos(f), math.sin(f))
     set_frames(links, flange, frames)
 
 

@@ -21,6 +21,9 @@ least squares; lengths below it are none."""
 EXACT = 1e-10
 """The same where the closed form is all."""
 
+PARALLEL = 1e-6
+"""Sine of the angle between axes below which they count as parallel."""
+
 
 class Axes(NamedTuple):
     """Where the joints of a chain are at zero angles, as seen from its mount."""
@@ -42,11 +45,7 @@ class Axes(NamedTuple):
 
     def foot(self, k: int, other: int) -> Array:
         """Return the point of an axis that is closest to another one [m]."""
-        normal = np.cross(self.z[other], np.cross(self.z[k], self.z[other]))
-        across = float(self.z[k] @ normal)
-        share = float((self.o[other] - self.o[k]) @ normal) / across if across else 0.0
-        point: Array = self.o[k] + share * self.z[k]
-        return point
+        return foot(self.z, self.o, k, other)
 
     def sine(self, k: int, other: int) -> float:
         """Return the sine of the angle between two axes."""
@@ -74,6 +73,18 @@ class ClosedForm(NamedTuple):
     """Angles of the form at zero angles of the arm [rad]."""
     figures: dict[str, float]
     """Lengths [m], cosines and sines by the fields of `Form`."""
+
+
+def foot(axes: Array, points: Array, k: int, other: int) -> Array:
+    """Return the point of an axis that is closest to another one, of parallel ones its own point.
+
+    Axes are unit vectors and a point on each [m], both of shape (n, 3).
+    """
+    normal = np.cross(axes[other], np.cross(axes[k], axes[other]))
+    across, point = float(axes[k] @ normal), points[k]
+    if across > PARALLEL * PARALLEL:
+        point = point + float((points[other] - point) @ normal) / across * axes[k]
+    return np.asarray(point)
 
 
 def frames_at(steps: Array, sense: Array, angles: Array) -> Array:

@@ -22,7 +22,6 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Record
 from mlivr_gym.kinematics.chain import FlangeAxis
-from mlivr_gym.kinematics.following import Matrix6
 from mlivr_gym.kinematics.inverse import branch_links
 from mlivr_gym.kinematics.limb import MountedArm
 from mlivr_gym.kinematics.poses import vector
@@ -68,6 +67,10 @@ def base_manipulability(
     rank = int((values > 1e-9).sum())
     j_equivalent = -inverse @ j_support @ rows[rank:].T
     return limb_manipulability(j_equivalent, characteristic_length)
+
+
+Matrix6 = Annotated[Array, (6, 6)]
+"""Field of a 6 by 6 matrix."""
 
 
 class Inversion(Record):

@@ -20,7 +20,7 @@ Both branches of a class count with the smaller `|det J|` of the two.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -75,21 +75,6 @@ LEAST = 1e-9
 """Least `|det J|` of a solution [m^3]."""
 
 
-class Solution(NamedTuple):
-    """A solution of a flange pose."""
-
-    there: bool
-    """Whether one was found."""
-    q: Angles5
-    """How far its joints 1 to 5 are turned [rad]."""
-
-
-@kernel
-def links_of(arm: Chain, q: Angles5) -> Links:
-    """Return the frames of the links by how far the joints are turned."""
-    return links_at(arm, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5))
-
-
 @kernel
 def wrist_and_axis(arm: Chain, links: Links) -> tuple[Triple, Triple]:
     """Return the wrist point [m] and the flange axis."""
@@ -123,18 +108,18 @@ def size_of(arm: Chain, links: Links) -> float:
 
 
 @kernel
-def solved(arm: Chain, flange: FlangeAxis, start: Angles5) -> Solution:
-    """Solve for joints 1 to 5 by flange position and axis, from a start."""
+def solved(arm: Chain, flange: FlangeAxis, start: Angles5) -> tuple[bool, Angles5]:
+    """Return whether a start leads to a flange position and axis, and joints 1 to 5 there."""
     q, unit, last = start, arm.form.unit, np.inf
     wrist, axis = along(flange.p, -arm.form.past_wrist, flange.z), flange.z
     for step in range(STEPS):
-        links = links_of(arm, q)
+        links = links_at(arm, bend_of_turns(*q))
         at, along_axis = wrist_and_axis(arm, links)
         (x, y, z), away = minus(axis, along_axis), minus(wrist, at)
         error = Column(away, (unit * x, unit * y, unit * z))
         square = times(error, error)
         if square < ACCURACY * ACCURACY:
-            return Solution(True, q)
+            return True, q
         if step == 5 and square > 0.25 * last:
             break
         last = min(last, square)
@@ -152,7 +137,7 @@ def solved(arm: Chain, flange: FlangeAxis, start: Angles5) -> Solution:
             q.q4 + share * move.q4,
             q.q5 + share * move.q5,
         )
-    return Solution(False, q)
+    return False, q
 
 
 @kernel
@@ -190,11 +175,12 @@ def solution(arm: Chain, flange: FlangeAxis, branch: int) -> tuple[bool, Bend]:
         if chosen < 0:
             break
         farther, q = least, seeds[chosen].q
-        found = solved(arm, flange, Angles5(q[0] + azimuth, q[1], q[2], q[3], q[4]))
-        if found.there:
-            links = links_of(arm, found.q)
-            if name_of(arm, links, found.q) == branch and size_of(arm, links) > LEAST:
-                return True, bend_of_turns(*found.q)
+        there, found = solved(arm, flange, Angles5(q[0] + azimuth, q[1], q[2], q[3], q[4]))
+        if there:
+            bend = bend_of_turns(*found)
+            links = links_at(arm, bend)
+            if name_of(arm, links, found) == branch and size_of(arm, links) > LEAST:
+                return True, bend
     return False, bend_of_turns(0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -223,9 +209,8 @@ def refined(arm: Chain, flange: FlangeAxis, form: Bend) -> tuple[bool, Bend]:
         math.atan2(form.s4, form.c4),
         math.atan2(form.s5, form.c5),
     )
-    found = solved(arm, flange, start)
-    q, there = found.q, found.there
+    there, q = solved(arm, flange, start)
     there = there and abs(q.q1 - start.q1) < FARTHEST and abs(q.q2 - start.q2) < FARTHEST
     there = there and abs(q.q3 - start.q3) < FARTHEST and abs(q.q4 - start.q4) < FARTHEST
     there = there and abs(q.q5 - start.q5) < FARTHEST
-    return there, bend_of_turns(q.q1, q.q2, q.q3, q.q4, q.q5)
+    return there, bend_of_turns(*q)

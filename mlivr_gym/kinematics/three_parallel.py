@@ -26,7 +26,7 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.kinematics.chain import Bend
-from mlivr_gym.kinematics.spherical_wrist import SINGULAR, unit_pair
+from mlivr_gym.kinematics.spherical_wrist import SINGULAR, unit_pair, wrist_seen
 
 if TYPE_CHECKING:
     from mlivr_gym.kinematics.chain import FlangeAxis, Form
@@ -55,16 +55,14 @@ class Wrist(NamedTuple):
 @kernel
 def squared_u(form: Form, flange: FlangeAxis) -> float:
     """Return `u^2` of a flange position and axis [m^2]; below zero out of reach of joint 1."""
-    p, z = flange.p, flange.z
-    x, y = p[0] - form.d6 * z[0], p[1] - form.d6 * z[1]
+    x, y, _ = wrist_seen(form, flange)
     return x * x + y * y - form.d4 * form.d4
 
 
 @kernel
 def wrist_at(form: Form, flange: FlangeAxis, u: float) -> Wrist:
     """Return the wrist at a flange position and axis, for one sign of `u`."""
-    p, z = flange.p, flange.z
-    x, y, height = p[0] - form.d6 * z[0], p[1] - form.d6 * z[1], p[2] - form.d6 * z[2] - form.d1
+    z, (x, y, height) = flange.z, wrist_seen(form, flange)
     square = x * x + y * y
     c1, s1 = (u * x - form.d4 * y) / square, (u * y + form.d4 * x) / square
     radial = c1 * z[0] + s1 * z[1]

@@ -12,8 +12,8 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.base_path import BasePath, base_poses
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import BasePath, base_poses
 from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path

@@ -15,11 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mlivr_gym.arrays import Array
+from mlivr_gym.collisions.base_path import BasePath, base_path, base_poses
 from mlivr_gym.collisions.joint_lines import JointLine
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.base_path import BasePath, base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places

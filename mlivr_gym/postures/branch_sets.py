@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from mlivr_gym.collisions.base_path import lift_path
 from mlivr_gym.collisions.followers import followed_branches, set_follower
 from mlivr_gym.collisions.intervals import WHOLE
 from mlivr_gym.compiled.bit_sets import (
@@ -15,7 +16,6 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import kernel, part
-from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.postures.placed_limbs import PostureSearch, gap_between_limbs, limb_fits
 from mlivr_gym.postures.records import Posture, PostureScratch
 from mlivr_gym.postures.rule import base_manipulability, set_base, set_combination

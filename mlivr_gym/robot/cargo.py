@@ -6,8 +6,8 @@ A limb that carries a bag holds no point: it stands folded and, with the bag, is
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -28,11 +28,6 @@ from mlivr_gym.robot.validators import (
 )
 from mlivr_gym.schema import FieldPath, OrNone, Struct, Tuples
 from mlivr_gym.values import Triple
-
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    R = TypeVar("R", bound=DataclassInstance)
 
 SWEPT, SAMPLES = 24, 9
 """Number of angles of joint 1, and of points of an axis, at which cargo is checked."""
@@ -186,13 +181,6 @@ def _bases_and_shoulders(mount: Mount) -> Iterator[tuple[str, Array, float]]:
 def _samples(axis: Array) -> Array:
     """Return points of an axis (2, 3), shape (`SAMPLES`, 3)."""
     return np.linspace(axis[0], axis[1], SAMPLES)
-
-
-def carrying(robot: R, cargo: Cargo | dict[str, Any] | None) -> R:
-    """Return a robot with cargo, given as itself or as plain data; the robot itself without."""
-    if cargo is None:
-        return robot
-    return replace(robot, cargo=CARGO.read(cargo, FieldPath("cargo", RobotError)))
 
 
 LOCKED_LIMB = Struct.of(LockedLimb)

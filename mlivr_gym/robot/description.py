@@ -22,7 +22,7 @@ from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.file_meshes import FileMesh, name_apart, taken_out
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.rigid import PAIRS, inertia_matrix, rigid
+from mlivr_gym.robot.rigid import PAIRS, axes_of, inertia_matrix, rigid
 from mlivr_gym.robot.validators import FARTHEST_TURN
 
 SPEED_LIMITS = "speed_limits"
@@ -54,6 +54,17 @@ class JointData(NamedTuple):
     """Largest speed [rad/s]."""
     rotor: float | None
     """Reflected inertia of its rotor [kg m^2]."""
+
+
+class Tool(NamedTuple):
+    """A link, or a site on one, at which an arm may grasp."""
+
+    body: int
+    """Body that carries it, by its number in the model."""
+    frame: Array
+    """The frame in that body, shape (4, 4)."""
+    name: str
+    """Name of the link or site."""
 
 
 class Description:
@@ -88,17 +99,24 @@ class Description:
         data.qpos[:] = model.qpos0
         data.qpos[model.jnt_qposadr[model.jnt_type != mujoco.mjtJoint.mjJNT_FREE]] = 0.0
         mujoco.mj_kinematics(model, data)
-        self.joints = _joint_data(model, hinges.tolist(), speeds, options)
-        if tree.tag == "mujoco":  # a hinge without a range turns without end, as a continuous joint
-            endless = (-FARTHEST_TURN, FARTHEST_TURN)
-            for k, one in self.joints.items():
-                self.joints[k] = one._replace(limits=one.limits or endless)
+        # In MJCF a hinge without a range turns without end, as a continuous joint.
+        unlimited = (-FARTHEST_TURN, FARTHEST_TURN) if tree.tag == "mujoco" else None
+        every = _joint_data(model, hinges.tolist(), speeds, options)
+        self.joints = {k: one._replace(limits=one.limits or unlimited) for k, one in every.items()}
         joint = np.where(model.body_jntnum, model.body_jntadr, -1)
         is_free = model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE if model.njnt else False
         self.moving: list[int] = np.flatnonzero((joint >= 0) & ~np.asarray(is_free)).tolist()
         """Bodies that joints other than a free one move."""
         self.moved = self.nearest(self.moving)
         """For each body the one of these to which it is fixed, 0 for those of the robot's body."""
+        self.tools: dict[str, Tool] = {}
+        """Links and sites by their names; a site comes before a link of the same name."""
+        for site in map(model.site, range(model.nsite)):
+            place = rigid(axes_of(site.quat), site.pos)
+            self.tools[site.name] = Tool(int(site.bodyid[0]), place, site.name)
+        for body in range(1, model.nbody):
+            name = self.name_of(body)
+            self.tools.setdefault(name, Tool(body, np.eye(4), name))
 
     def nearest(self, some: Collection[int]) -> IntArray:
         """Return for each body which of some is the nearest that carries it, or is it; else 0."""

@@ -12,9 +12,8 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.capsules import LINKS, GivenCapsules
+from mlivr_gym.robot.capsules import LINKS, GivenCapsules, default_capsules
 from mlivr_gym.robot.cargo import CARGO, Cargo, check_room
-from mlivr_gym.robot.default_shapes import default_capsules
 from mlivr_gym.robot.limb import Limb
 from mlivr_gym.robot.limb_dynamics import (
     ARMS,
@@ -25,8 +24,8 @@ from mlivr_gym.robot.limb_dynamics import (
     arm_of,
 )
 from mlivr_gym.robot.mounts import MOUNT, Mount, are_even, even_mounts
-from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN, geometric_order
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
+from mlivr_gym.robot.rolls import geometric_order
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.validators import (
     APART,
@@ -70,16 +69,16 @@ class RobotFields:
     """Distance of a limb's base from the body's z axis [m]."""
     tool_length: Annotated[float, LENGTH] = 0.05
     """Distance from the flange to the grasp along the flange normal [m]."""
-    characteristic_length: Annotated[float, POSITIVE] = CHARACTERISTIC_LENGTH
+    characteristic_length: Annotated[float, POSITIVE] = 0.87
     """l_c, which makes lengths and angles comparable in the Jacobian [m]."""
     grasp_separation: Annotated[float, LENGTH] = 0.1
     """Smallest distance of two points held at once [m] (gripper width)."""
-    span: Annotated[float, POSITIVE] = SPAN
+    span: Annotated[float, POSITIVE] = 2.4
     """Largest distance of two points that a stance may hold [m]."""
     heights: Annotated[
         tuple[float, ...],
         Tuples((None,), -MAX_ROBOT_LENGTH, MAX_ROBOT_LENGTH, "m", (1, MOST_POSES)),
-    ] = HEIGHTS
+    ] = (0.60, 0.65, 0.70, 0.75)
     """Candidate heights of the base over the grasps' centroid [m], in any order; they are stored
     lowest first."""
     rolls: Annotated[

@@ -7,11 +7,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, shortened
-from mlivr_gym.robot.description import Description, each
+from mlivr_gym.robot.description import Description, Tool, each
 from mlivr_gym.robot.file_options import FileOptions
-from mlivr_gym.robot.rigid import axes_of, rigid
 
 JOINTS = 6
 """Number of joints of an arm that move; of an arm with one joint more, that one is held."""
@@ -27,17 +25,6 @@ TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "fl
 
 OF_GRIPPERS = ("gripper", "finger", "jaw", "knuckle", "claw")
 """Words in the names of links and joints that belong to a gripper."""
-
-
-class Tool(NamedTuple):
-    """The tool frame of an arm."""
-
-    body: int
-    """Body that carries it, by its number in the model."""
-    frame: Array
-    """The frame in that body, shape (4, 4)."""
-    name: str
-    """Name of the link or site."""
 
 
 class FileArm(NamedTuple):
@@ -120,31 +107,17 @@ def _arm(file: Description, chain: list[int], name: str | None) -> FileArm:
 
 
 def _tool_named(file: Description, name: str) -> Tool:
-    model = file.model
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
-    if site >= 0:
-        return _site(file, site)
-    if body < 1:
-        links = ", ".join(file.name_of(one) for one in range(1, model.nbody))
-        sites = ", ".join(str(model.site(k).name) for k in range(model.nsite))
-        known = links + (f"; sites {sites}" if sites else "")
-        raise RobotError(f"the file has no link or site {shortened(name)}; it has links {known}")
-    return Tool(body, np.eye(4), name)
-
-
-def _site(file: Description, site: int) -> Tool:
-    model = file.model
-    frame = rigid(axes_of(model.site_quat[site]), model.site_pos[site])
-    return Tool(int(model.site_bodyid[site]), frame, str(model.site(site).name))
+    if name not in file.tools:
+        known = ", ".join(file.tools)
+        raise RobotError(f"the file has no link or site {shortened(name)}; it has {known}")
+    return file.tools[name]
 
 
 def _usual_tool(file: Description, last: int) -> Tool | None:
     """Return the tool frame of a customary name that is fixed to a link, None if none is."""
-    fixed = np.flatnonzero(file.moved == last).tolist()
-    tools = [_site(file, k) for k in range(file.model.nsite) if file.model.site_bodyid[k] in fixed]
-    tools += [Tool(body, np.eye(4), file.name_of(body)) for body in fixed if body != last]
-    order = (one for ending in TOOL_NAMES for one in tools if one.name.endswith(ending))
+    fixed = {name: tool for name, tool in file.tools.items() if file.moved[tool.body] == last}
+    fixed.pop(file.name_of(last), None)
+    order = (fixed[name] for ending in TOOL_NAMES for name in fixed if name.endswith(ending))
     return next(order, None)
 
 
@@ -227,14 +200,5 @@ def _holding(file: Description, arm: FileArm, name: str | None, angle: float | N
                 )
         return arm
     index = HELD_JOINT - 1 if name is None else joints.index(name)
-    figures = file.joints[arm.joints[index]]
-    low, high = figures.limits or (-np.pi, np.pi)
-    if not low <= (angle or 0.0) <= high:
-        given = "missing" if angle is None else f"{angle:g} rad"
-        zero = " and cannot be at 0" if angle is None else ""
-        raise RobotError(
-            f"held_angle is {given}; joint {figures.name!r} turns from {low:g} to {high:g} rad"
-            + zero
-        )
     file.data.qpos[file.model.jnt_qposadr[arm.joints[index]]] = angle or 0.0
     return arm._replace(held=index, angle=angle or 0.0)

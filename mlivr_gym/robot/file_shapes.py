@@ -20,8 +20,7 @@ import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.errors import RobotError, shortened
-from mlivr_gym.robot.capsules import LINKS, Capsule
-from mlivr_gym.robot.default_shapes import gripper_capsule
+from mlivr_gym.robot.capsules import LINKS, Capsule, gripper_capsule
 from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.file_text import MESH_FORMATS
 from mlivr_gym.robot.sizes import MOST_CAPSULES

@@ -16,28 +16,18 @@ from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
 from mlivr_gym.robot.description import Description, written_in
-from mlivr_gym.robot.file_arms import arms_of
-from mlivr_gym.robot.file_limb import FileLimb, limb_of
+from mlivr_gym.robot.fields import RobotFields
+from mlivr_gym.robot.file_arms import FileArm, arms_of
+from mlivr_gym.robot.file_limb import FileLimb, LimbParts, joined, limb_of, limb_parts, mount_of
 from mlivr_gym.robot.file_options import FILE_OPTIONS, FileOptions
-from mlivr_gym.robot.file_parts import (
-    LimbParts,
-    body_and_bases,
-    frame_on,
-    joined,
-    limb_parts,
-    mount_of,
-)
 from mlivr_gym.robot.file_shapes import box_round, solids
 from mlivr_gym.robot.file_text import read_tree
-from mlivr_gym.robot.mounts import Mount
-from mlivr_gym.robot.planning_lengths import CHARACTERISTIC_LENGTH, HEIGHTS, SPAN
-from mlivr_gym.robot.rigid import inverse, rigid
+from mlivr_gym.robot.limb import Limb
+from mlivr_gym.robot.mounts import Mount, even_mounts
+from mlivr_gym.robot.rigid import frame_on, inverse, rigid
 from mlivr_gym.schema import FieldPath
 from mlivr_gym.values import MAX_REMARK_LENGTH, Triple, as_triple
 from mlivr_gym.world.boxes import Box
-
-UR5E_ARM = 0.425 + 0.3922
-"""Length of the UR5e's upper arm and forearm [m], to which the default base heights belong."""
 
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
@@ -97,7 +87,7 @@ def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: boo
         return RobotFile(written | fields)
     file = Description(path, tree, options)
     arms = arms_of(file, options)
-    members, bases = body_and_bases(file, arms)
+    members, bases = _body_and_bases(file, arms)
     every = zip(arms, bases, strict=True)
     parts = [limb_parts(file, arm, base, options.tool_length) for arm, base in every]
     if len(arms) == 1:
@@ -210,28 +200,49 @@ def _body(
     return frame, {"body_size": size} | (fields if solid.mass else {})
 
 
+def _body_and_bases(
+    file: Description, arms: tuple[FileArm, ...]
+) -> tuple[tuple[int, ...], list[tuple[int, ...]]]:
+    """Return the bodies of the robot's body, its root first, and those that fix each limb to it.
+
+    Raises a `RobotError` if several limbs do not stand on one body.
+    """
+    first = [file.body_of(arm.moving[0]) for arm in arms]
+    roots = {file.carriers(body)[-1] for body in first}
+    if len(arms) > 1 and (len(roots) > 1 or roots & set(first)):
+        names = ", ".join(repr(file.name_of(root)) for root in sorted(roots))
+        raise RobotError(
+            f"the limbs stand on {names}; all must be mounted on one body, put these into one"
+        )
+    before = [set(file.carriers(file.parent(body))) for body in first]
+    fixed, bases = file.nearest(first) == 0, []
+    for k, mine in enumerate(before):
+        # What carries this limb alone belongs to it, with what is on that.
+        alone = mine - set[int]().union(*before[:k], *before[k + 1 :])
+        bases.append(tuple(np.flatnonzero(fixed & (file.nearest(alone) > 0)).tolist()))
+    members = fixed & (file.nearest(roots) > 0)
+    members[[body for base in bases for body in base]] = False
+    return tuple(np.flatnonzero(members).tolist()), bases
+
+
 def _even(mounts: Array, axes: Array) -> tuple[Array, float, tuple[int, ...]] | None:
     """Return the frame in which limbs are mounted evenly round z, their radius and their order.
 
     Its x axis points to limb 0, and round its z axis, one of some axes that are columns of shape
     (3, 3), they lie in order. Mounts in the world have shape (N, 4, 4). None if they are not even.
     """
-    outward, centre = mounts[:, :3, 2], mounts[:, :3, 3].mean(axis=0)
-    away = mounts[:, :3, 3] - centre
-    radius = float((away * outward).sum(axis=1).mean())
-    if radius < 0.0 or np.abs(away - radius * outward).max() > EVEN:
+    x, centre = mounts[0, :3, 2], mounts[:, :3, 3].mean(axis=0)
+    radius = float((mounts[0, :3, 3] - centre) @ x)
+    if radius < 0.0:
         return None
+    expected = np.array([mount.frame for mount in even_mounts(len(mounts), radius)])
     for z in axes.T[::-1]:
-        if np.abs(outward @ z).max() > EVEN:
-            continue
-        x = outward[0]
-        angles = np.arctan2(outward @ np.cross(z, x), outward @ x)
+        frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
+        seen = inverse(frame) @ mounts
         # What rounding leaves below 0 stays there, so that limb 0 comes first.
-        angles = (angles + EVEN) % (2.0 * np.pi) - EVEN
+        angles = (np.arctan2(seen[:, 1, 2], seen[:, 0, 2]) + EVEN) % (2.0 * np.pi)
         order = np.argsort(angles)
-        gaps = np.diff([*angles[order], 2.0 * np.pi])
-        if np.abs(gaps - 2.0 * np.pi / len(mounts)).max() <= 10.0 * EVEN:
-            frame = rigid(np.stack([x, np.cross(z, x), z], axis=1), centre)
+        if np.abs((seen[order] - expected)[:, :3, 2:]).max() <= EVEN:
             return frame, round(radius, 9), tuple(order.tolist())
     return None
 
@@ -243,7 +254,7 @@ def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
     if fitted:
         told.append(f"capsules exceed the shapes of their links by {fitted:.3f} m at most")
     source = "".join(c if c.isprintable() else " " for c in "; ".join(told))
-    scale = max(limb.limb.arm_length for limb in limbs) / UR5E_ARM
+    scale = max(limb.limb.arm_length for limb in limbs) / Limb().arm_length
     return {
         "name": file.name,
         "limb": first.limb,
@@ -252,7 +263,7 @@ def _fields(file: Description, limbs: list[FileLimb]) -> dict[str, Any]:
         "dynamics": first.dynamics,
         "gripper_mass": min(limb.gripper_mass for limb in limbs),
         "source": source[:MAX_REMARK_LENGTH],
-        "heights": tuple(scale * height for height in HEIGHTS),
-        "span": scale * SPAN,
-        "characteristic_length": scale * CHARACTERISTIC_LENGTH,
+        "heights": tuple(scale * height for height in RobotFields.heights),
+        "span": scale * RobotFields.span,
+        "characteristic_length": scale * RobotFields.characteristic_length,
     }

@@ -10,9 +10,9 @@ import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError
-from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, frames_at
+from mlivr_gym.kinematics.forms import THREE_PARALLEL, closed_form, foot, frames_at
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
-from mlivr_gym.robot.rigid import axes_of, foot, rigid, turn_about_z
+from mlivr_gym.robot.rigid import axes_of, rigid, turn_about_z
 from mlivr_gym.robot.validators import FARTHEST_TURN, SIX_ANGLES
 from mlivr_gym.schema import FieldPath, Integer, OrNone, Struct, Tuples
 from mlivr_gym.values import MAX_ROBOT_LENGTH, Triple

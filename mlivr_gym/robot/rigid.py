@@ -15,10 +15,6 @@ PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of an inertia in the order xx, yy, zz, xy, xz, yz."""
 
 
-PARALLEL = 1e-6
-"""Sine of the angle between axes below which they count as parallel."""
-
-
 def rigid(rotation: ArrayLike, position: ArrayLike) -> Array:
     """Return the rigid transform of a rotation (3, 3) and a position (3,), shape (4, 4)."""
     frame = np.eye(4)
@@ -31,17 +27,17 @@ def inverse(frame: Array) -> Array:
     return rigid(frame[:3, :3].T, -frame[:3, :3].T @ frame[:3, 3])
 
 
-def foot(axes: Array, points: Array, k: int, other: int) -> Array:
-    """Return the point of an axis that is closest to another one, of parallel ones its own point.
+def frame_on(given: Array, z: Array, anchor: Array, place: Array) -> Array:
+    """Return the frame with a z axis and its origin on that where a place is closest to it.
 
-    Axes are unit vectors and a point on each, both of shape (n, 3).
+    Its x axis is that of a given frame, or where z is close to it the given y axis.
     """
-    across = np.cross(axes[other], np.cross(axes[k], axes[other]))
-    share = float(axes[k] @ across)
-    point: Array = points[k]
-    if share > PARALLEL * PARALLEL:
-        point = point + float((points[other] - points[k]) @ across) / share * axes[k]
-    return point
+    x = given[:3, 0] - (given[:3, 0] @ z) * z
+    if np.linalg.norm(x) < 0.5:
+        x = given[:3, 1] - (given[:3, 1] @ z) * z
+    x /= np.linalg.norm(x)
+    origin = anchor + ((place - anchor) @ z) * z
+    return rigid(np.stack([x, np.cross(z, x), z], axis=1), origin)
 
 
 def turn_about_z(angle: float) -> Array:

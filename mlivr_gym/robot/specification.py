@@ -17,6 +17,7 @@ from mlivr_gym.arguments import ANY_NUMBER, FileName, Reader, WithError, checked
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import RobotError, path_shown, shortened
 from mlivr_gym.files import load, write_whole
+from mlivr_gym.robot.cargo import CARGO, Cargo
 from mlivr_gym.robot.fields import RobotFields
 from mlivr_gym.robot.limb import with_failed_joint
 from mlivr_gym.robot.mounts import Mount
@@ -109,6 +110,12 @@ class RobotSpec(RobotFields):
         if path is not None:
             write_whole(path, text)
         return text
+
+    def carrying(self, cargo: Cargo | dict[str, Any] | None) -> RobotSpec:
+        """Return the robot with cargo, given as itself or as plain data; itself without."""
+        if cargo is None:
+            return self
+        return replace(self, cargo=CARGO.read(cargo, FieldPath("cargo", RobotError)))
 
     @checked(
         {"limb": Integer(0, MOST_LIMBS), "joint": Integer(1, 7), "angle": ANY_NUMBER}, RobotError

@@ -1,7 +1,7 @@
 """The check of a step: the base moves straight, and the support limbs follow it (compiled).
 
 The base goes on a straight line and by slerp from one posture to the other, and each support limb
-follows it on its branch, see `kinematics.following`. The limb that moves stays in a fold that it
+follows it on its branch, see `collisions.following`. The limb that moves stays in a fold that it
 has at both stances, or goes on a line in joint space from above one point to above the other. The
 first such swing, in a fixed order, beside which every support keeps a branch is that of the step.
 Where only one limb supports the robot, its branches need no swing in common: it keeps each branch
@@ -20,6 +20,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from mlivr_gym.collisions.base_path import comes_first, set_path
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import (
     choose_branch,
@@ -45,7 +46,6 @@ from mlivr_gym.compiled.bit_sets import (
     without_branch,
 )
 from mlivr_gym.compiled.kernels import entry, kernel, late_entry
-from mlivr_gym.kinematics.base_path import comes_first, set_path
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.postures.records import Limbs
 from mlivr_gym.transitions.grasp_poses import folded, line_end

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from mlivr_gym.collisions.base_path import comes_first
 from mlivr_gym.compiled.bit_sets import BRANCHES, has_branch
 from mlivr_gym.compiled.kernels import kernel
-from mlivr_gym.kinematics.base_path import comes_first
 from mlivr_gym.kinematics.poses import vector
 from mlivr_gym.transitions.grasp_poses import lifted_branches, line_end
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch

@@ -9,7 +9,7 @@ from robot_texts import one_arm, written
 from mlivr_gym import Capsule, Limb, RobotSpec, robot_spec, stance_graph
 from mlivr_gym.collisions.always_close import always_close_links
 from mlivr_gym.errors import RobotError
-from mlivr_gym.robot.default_shapes import default_capsules
+from mlivr_gym.robot.capsules import default_capsules
 from mlivr_gym.robot.limb_dynamics import ARMS, arm_limb
 
 CLEARANCE = 0.02

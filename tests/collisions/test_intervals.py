@@ -18,13 +18,13 @@ from joint_lines import configurations, flange_in_body, line_scratch
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box, robot_spec
+from mlivr_gym.collisions.base_path import base_path, base_poses, set_path
 from mlivr_gym.collisions.box_grid import box_grid
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.distances import CLEAR, UNDECIDED
 from mlivr_gym.collisions.followers import choose_branch, set_follower
 from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.base_path import base_path, base_poses, set_path
 from mlivr_gym.kinematics.limb import Angles, all_angles_at
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.robot.rigid import rigid

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from wrist_arms import LIMBS, OTHERS
 
 from mlivr_gym import robot_spec
+from mlivr_gym.collisions.following import Following, invert_jacobian
 from mlivr_gym.collisions.joint_lines import (
     LimbPlace,
     place_limb,
@@ -17,7 +18,6 @@ from mlivr_gym.collisions.joint_lines import (
 )
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.compiled.bit_sets import EVERY
-from mlivr_gym.kinematics.following import Following, invert_jacobian
 from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.rigid import rigid
 

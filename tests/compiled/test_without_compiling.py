@@ -18,7 +18,7 @@ ROOT = Path(__file__).parent.parent.parent
 QUICK = (
     "compiled/test_kernels.py::test_in_parallel_covers_every_item_once",
     "kinematics/test_poses.py",
-    "kinematics/test_base_path.py",
+    "collisions/test_base_path.py",
     "kinematics/test_families.py::test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches",
     "transitions/test_rule.py",
 )

@@ -7,8 +7,8 @@ from held_paths import mounted, random_ends
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
+from mlivr_gym.collisions.base_path import base_path, base_poses
 from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.base_path import base_path, base_poses
 from mlivr_gym.kinematics.limb import Angles, all_angles_at, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
 from mlivr_gym.robot.limb import link_frames

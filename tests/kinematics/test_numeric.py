@@ -11,9 +11,9 @@ from oracle import flange, volume
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics.chain import Chain
+from mlivr_gym.kinematics.chain_record import set_seeds
 from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
-from mlivr_gym.kinematics.numeric_seeds import set_seeds
 from mlivr_gym.robot.limb import link_frames
 
 each_arm = pytest.mark.parametrize("name", LIMBS)

@@ -13,12 +13,12 @@ from scipy.spatial.transform import Rotation
 from stance_axes import axes_of
 
 from mlivr_gym import Settings, State, robot_spec, stance_graph
+from mlivr_gym.collisions.base_path import lift_path
 from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.collisions.followers import followed_branches, set_follower
 from mlivr_gym.collisions.intervals import WHOLE
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.errors import RobotError, StanceError
-from mlivr_gym.kinematics.base_path import lift_path
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner

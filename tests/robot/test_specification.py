@@ -11,7 +11,7 @@ from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.mounts import Mount
-from mlivr_gym.robot.planning_lengths import geometric_order
+from mlivr_gym.robot.rolls import geometric_order
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.schema import are_rotations
 from mlivr_gym.world.boxes import Box

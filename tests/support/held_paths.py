@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Limb, robot_spec
 from mlivr_gym.collisions import limb_shapes
-from mlivr_gym.kinematics.base_path import base_path
+from mlivr_gym.collisions.base_path import base_path
 from mlivr_gym.kinematics.poses import pose
 
 ROBOT = robot_spec("mlivr2")

@@ -12,11 +12,11 @@ from typing import NamedTuple
 from compiled import called
 from plain_checks import branches, line_end, members, on
 
+from mlivr_gym.collisions.base_path import set_path
 from mlivr_gym.collisions.distances import CLEAR
 from mlivr_gym.collisions.followers import choose_branch, set_follower
 from mlivr_gym.collisions.intervals import WHOLE, check_line
 from mlivr_gym.collisions.places import LineScratch
-from mlivr_gym.kinematics.base_path import set_path
 from mlivr_gym.transitions.relaxed_steps import MIDDLES
 from mlivr_gym.transitions.steps import KEPT_CLEAR
 from mlivr_gym.transitions.swing_lines import TIE, TRIES

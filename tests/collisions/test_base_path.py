@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from mlivr_gym.kinematics.base_path import BasePath, base_poses, lift_path
+from mlivr_gym.collisions.base_path import BasePath, base_poses, lift_path
 from mlivr_gym.kinematics.grasps import grasp_rows
 from mlivr_gym.kinematics.poses import pose
 

@@ -8,7 +8,7 @@ from oracle import volume
 from robot_texts import KR16, UR10E, frames_of, one_arm, written
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.kinematics.following import (
+from mlivr_gym.collisions.following import (
     Following,
     JointAxesSeen,
     bound_changes,

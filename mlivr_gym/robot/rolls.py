@@ -1,19 +1,10 @@
-"""Lengths of planning of the default robot, and the order of candidate rolls."""
+"""The order of candidate rolls of the base."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 import numpy as np
-
-HEIGHTS = (0.60, 0.65, 0.70, 0.75)
-"""Candidate heights of the base of a robot with limbs as long as the UR5e [m]."""
-
-SPAN = 2.4
-"""Largest distance of two points that such a robot holds [m]."""
-
-CHARACTERISTIC_LENGTH = 0.87
-"""Length that makes distances and angles of such a limb comparable [m]."""
 
 
 def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:

@@ -29,13 +29,11 @@ import numpy as np
 from mlivr_gym.arrays import Array
 from mlivr_gym.compiled.kernels import kernel, part
 from mlivr_gym.compiled.records import Joints, Record
+from mlivr_gym.kinematics.manipulability import Matrix6
 from mlivr_gym.kinematics.poses import cross, length, minus, vector
 
 if TYPE_CHECKING:
     from mlivr_gym.values import Triple
-
-Matrix6 = Annotated[Array, (6, 6)]
-"""Field of a 6 by 6 matrix."""
 
 MOST_TURN = 0.19
 """Sum of the turns of all joints above which no proof is tried [rad]: few succeed."""

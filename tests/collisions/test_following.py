@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from wrist_arms import LIMBS, OTHERS
 
 from mlivr_gym import Limb
-from mlivr_gym.kinematics.following import (
+from mlivr_gym.collisions.following import (
     Following,
     JointAxesSeen,
     bound_changes,
