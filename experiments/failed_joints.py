@@ -3,7 +3,7 @@
     python experiments/failed_joints.py [--out results] [--starts 3] [--goals 8] [--workers 2]
 
 A joint of limb 0 is locked at its present angle, in drawn states of a robot on the JEM, collisions
-checked. Two iiwa then hold that joint in place of joint 3 (`RobotSpec.with_failed_joint`): counted
+checked. Two iiwa then have it locked in place of joint 3 (`RobotSpec.with_failed_joint`): counted
 are the stances of the robot that results and the drawn goals to which it has a plan from the state
 in which it is. Two UR5e have no such choice: counted are the stances that limb 0 can hold where it
 is with the joint at its angle, and the goals at which they are. Writes `failed_joints.json` and
@@ -26,7 +26,7 @@ NAMES = ("mlivr2", "mlivr2-iiwa")
 """Robots that are compared."""
 
 SETTINGS = Settings(limb_threshold=0.05)
-"""Half the default threshold of w_m, which no stance of an iiwa with joint 1 or 2 held meets.
+"""Half the default threshold of w_m, which no stance of an iiwa with joint 1 or 2 locked meets.
 
 The wrist point then lies off the plane of the first two axes by at most the forearm L, so that w_m
 is at most U L^2 / l_c^3 = 0.102.

@@ -83,7 +83,7 @@ def measured(task: int, name: str) -> dict[str, Any]:
     return {
         "limbs": robot.limbs,
         "arms": [
-            arm_of(limb) or ("SSRMS" if limb.held_joint == 1 else "iiwa 14")
+            arm_of(limb) or ("SSRMS" if limb.locked_joint == 1 else "iiwa 14")
             for limb in robot.every_limb
         ],
         "mass_kg": robot.body_mass + sum(masses),

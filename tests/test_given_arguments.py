@@ -59,7 +59,7 @@ ALSO = {
     "mask": ("actions",),
     "low": ("min",),
     "radius": ("half",),
-    "held_joint": ("held_angle",),
+    "locked_joint": ("locked_angle",),
     "high": ("max",),
     "stances": ("stance",),
     "state": ("before",),

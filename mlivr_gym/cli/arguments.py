@@ -113,9 +113,9 @@ def world_options(parser: argparse.ArgumentParser) -> None:
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
     option(parser, "--robot ROBOT", text, "mlivr2")
     text = "joint of a seven-joint arm of a URDF or MJCF file that does not move, or one a limb"
-    option(parser, "--held-joint JOINT...", f"{text}: none for six joints (default: the third)")
-    text = "angle of the held joint, or one for each limb [rad] (default: 0)"
-    option(parser, "--held-angle RAD...", text)
+    option(parser, "--locked-joint JOINT...", f"{text}: none for six joints (default: the third)")
+    text = "angle of the locked joint, or one for each limb [rad] (default: 0)"
+    option(parser, "--locked-angle RAD...", text)
     text = "link or site of a URDF or MJCF file at which limbs grasp, or one for each limb"
     option(parser, "--tool-frame LINK...", text)
     option(parser, "--package-dir DIR...", "folders with the packages that a URDF file names")

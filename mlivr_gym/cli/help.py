@@ -10,7 +10,7 @@ from mlivr_gym.errors import SettingError
 GROUPS = {
     "robot": (
         "joints, tools, cargo and failures of the robot",
-        "held-joint held-angle tool-frame package-dir failed-joint cargo allow-touching",
+        "locked-joint locked-angle tool-frame package-dir failed-joint cargo allow-touching",
     ),
     "world": (
         "units, boxes and occupied points",

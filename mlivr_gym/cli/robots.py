@@ -17,14 +17,14 @@ from mlivr_gym.robot.specification import SUFFIXES, RobotSpec, robot_spec
 from mlivr_gym.robot.validators import APART
 from mlivr_gym.schema import FieldPath, Integer
 
-OF_FILES = ("held_joint", "held_angle", "tool_frame", "package_dir")
-"""Options that only the file of a robot without a mount or a held joint needs."""
+OF_FILES = ("locked_joint", "locked_angle", "tool_frame", "package_dir")
+"""Options that only the file of a robot without a mount or a locked joint needs."""
 
 OF_ROBOT = (*OF_FILES, "failed_joint", "allow_touching")
 """Options that make a robot another than that of `--robot`."""
 
 NONE = "none"
-"""Word for a limb that holds no joint."""
+"""Word for a limb without a locked joint."""
 
 
 def cargo_of(given: Any, place: FieldPath) -> Cargo:
@@ -77,10 +77,10 @@ def _as_arguments(given: dict[str, list[str]]) -> dict[str, Any]:
     out: dict[str, Any] = dict(given)
     if "package_dir" in out:
         out["package_dirs"] = out.pop("package_dir")
-    for name in ("held_joint", "held_angle", "tool_frame"):
+    for name in ("locked_joint", "locked_angle", "tool_frame"):
         if name in out:
             entries = [None if word.lower() == NONE else word for word in out[name]]
-            if name == "held_angle":
+            if name == "locked_angle":
                 entries = [_number(word) for word in entries]
             out[name] = entries[0] if len(entries) == 1 else entries
     return out

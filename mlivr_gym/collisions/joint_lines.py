@@ -28,7 +28,7 @@ from mlivr_gym.collisions.following import (
     invert_jacobian,
 )
 from mlivr_gym.collisions.limb_shapes import LimbModel
-from mlivr_gym.collisions.placement import Shapes
+from mlivr_gym.collisions.placement import Shapes, axis_of, place
 from mlivr_gym.compiled.bit_sets import EMPTY, EVERY, has, only
 from mlivr_gym.compiled.kernels import kernel
 from mlivr_gym.compiled.records import Joints, Record, Rows, Vector

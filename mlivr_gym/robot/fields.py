@@ -191,7 +191,7 @@ class RobotFields:
     def mounted(self) -> tuple[Mount, ...]:
         """Each limb with its place, its kinematics, its capsules and its dynamics, N of them.
 
-        Where the first joint of a limb is held, its place is that of the first joint that moves,
+        Where the first joint of a limb is locked, its place is that of the first joint that moves,
         unlike that of `whole_mounts`.
         """
         limbs = zip(self.whole_mounts, self.every_limb, strict=True)

@@ -1,4 +1,4 @@
-"""Arms of a URDF or MJCF file: which joints form one, where it grasps, and what it holds."""
+"""Arms of a URDF or MJCF file: which joints form one, which is locked, and where it grasps."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from mlivr_gym.robot.description import Description, Tool, each
 from mlivr_gym.robot.file_options import FileOptions
 
 JOINTS = 6
-"""Number of joints of an arm that move; of an arm with one joint more, that one is held."""
+"""Number of joints of an arm that move; of an arm with one joint more, that one is locked."""
 
 SHORTEST_ARM = 5
 """Number of joints from which on a tool frame ends an arm, and a chain is one."""
 
-HELD_JOINT = 3
-"""The joint of an arm of seven that is held by default: the roll of the upper arm."""
+LOCKED_JOINT = 3
+"""The joint of an arm of seven that is locked by default: the roll of the upper arm."""
 
 TOOL_NAMES = ("grasp", "tcp", "tool0", "tool", "ee_link", "attachment_site", "flange")
 """Endings of the names of tool frames, the preferred first."""
@@ -34,23 +34,23 @@ class FileArm(NamedTuple):
     """All its joints, in order from the body, six or seven."""
     tool: Tool
     """Where it grasps."""
-    held: int | None = None
-    """Index of the joint that is held."""
+    locked: int | None = None
+    """Index of the joint that is locked."""
     angle: float = 0.0
-    """Angle at which it is held [rad]."""
+    """Angle at which it is locked [rad]."""
 
     @property
     def moving(self) -> tuple[int, ...]:
         """The six joints that move."""
-        return tuple(joint for k, joint in enumerate(self.joints) if k != self.held)
+        return tuple(joint for k, joint in enumerate(self.joints) if k != self.locked)
 
 
 def arms_of(file: Description, options: FileOptions) -> tuple[FileArm, ...]:
-    """Return the arms of a file, and bring the joints that they hold to their angles.
+    """Return the arms of a file, and bring their locked joints to their angles.
 
     Without `tips` every chain of hinges that begins at the body is one; joints that several tips
     share belong to the body. Raises a `RobotError` if there is none, a name is unknown, a joint of
-    an arm is no hinge, or one is to be held that cannot be.
+    an arm is no hinge, or one is to be locked that cannot be.
     """
     first = file.after(0)
     long = [body for body in first if file.depth(body) >= SHORTEST_ARM] or first
@@ -70,10 +70,10 @@ def arms_of(file: Description, options: FileOptions) -> tuple[FileArm, ...]:
     if not chains:
         raise RobotError("the file has no limb: none of its joints is revolute")
     names = each("tool_frame", frames or options.tips, len(chains), "limbs")
-    held = each("held_joint", options.held_joint, len(chains), "limbs")
-    angles = each("held_angle", options.held_angle, len(chains), "limbs")
-    every = zip(chains, names, held, angles, strict=True)
-    arms = tuple(_holding(file, _arm(file, chain, name), *one) for chain, name, *one in every)
+    locked = each("locked_joint", options.locked_joint, len(chains), "limbs")
+    angles = each("locked_angle", options.locked_angle, len(chains), "limbs")
+    every = zip(chains, names, locked, angles, strict=True)
+    arms = tuple(_with_locked(file, _arm(file, chain, name), *one) for chain, name, *one in every)
     mujoco.mj_kinematics(file.model, file.data)
     return arms
 
@@ -86,7 +86,7 @@ def _arm(file: Description, chain: list[int], name: str | None) -> FileArm:
         raise RobotError(
             f"the arm of joints {first!r} to {last!r} has {len(joints)} "
             f"{'joint' if len(joints) == 1 else 'joints'}; a limb has six, or seven of which one "
-            "is held: name its last link with tips"
+            "is locked: name its last link with tips"
         )
     if name is not None:
         tool = _tool_named(file, name)
@@ -183,22 +183,22 @@ def _hinge(file: Description, body: int) -> int:
     return joint
 
 
-def _holding(file: Description, arm: FileArm, name: str | None, angle: float | None) -> FileArm:
-    """Return an arm with the joint that it holds, and set that joint's angle in the file's data.
+def _with_locked(file: Description, arm: FileArm, name: str | None, angle: float | None) -> FileArm:
+    """Return an arm with its locked joint, and set that joint's angle in the file's data.
 
-    An arm of seven joints holds the one that is named, by default the third, by default at 0.
+    Of an arm of seven it is the one that is named, by default the third, by default at 0.
     """
     joints = [file.joints[joint].name for joint in arm.joints]
     if name is not None and name not in joints:
-        raise RobotError(f"held_joint is {name!r}; the limb's joints are {', '.join(joints)}")
+        raise RobotError(f"locked_joint is {name!r}; the limb's joints are {', '.join(joints)}")
     if len(joints) == JOINTS:
-        for field, given in (("held_joint", name), ("held_angle", angle)):
+        for field, given in (("locked_joint", name), ("locked_angle", angle)):
             if given is not None:
                 raise RobotError(
-                    f"{field} is {given!r}; the limb of joints {', '.join(joints)} holds none of "
-                    "them, as only an arm of seven joints does: give None for this limb"
+                    f"{field} is {given!r}; the limb of joints {', '.join(joints)} has none "
+                    "locked, as only an arm of seven joints has: give None for this limb"
                 )
         return arm
-    index = HELD_JOINT - 1 if name is None else joints.index(name)
+    index = LOCKED_JOINT - 1 if name is None else joints.index(name)
     file.data.qpos[file.model.jnt_qposadr[arm.joints[index]]] = angle or 0.0
-    return arm._replace(held=index, angle=angle or 0.0)
+    return arm._replace(locked=index, angle=angle or 0.0)

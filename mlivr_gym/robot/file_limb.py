@@ -227,9 +227,9 @@ def limb_of(
     flange = parts.grasp @ rigid(np.eye(3), (0.0, 0.0, -length))
     limb, mount = _chain_of(file, arm, flange, up)
     frames = mount @ limb.base_in_mount @ link_frames(limb, np.zeros(6))
-    if arm.held is not None:
-        name = file.joints[arm.joints[arm.held]].name
-        notes.append(f"joint {name} held at {arm.angle:g} rad")
+    if arm.locked is not None:
+        name = file.joints[arm.joints[arm.locked]].name
+        notes.append(f"joint {name} locked at {arm.angle:g} rad")
     if closed_form(limb.steps) is None:
         notes.append("of no closed form, solved numerically")
     added = 0.0 if parts.gripper else RobotFields.gripper_mass
@@ -280,12 +280,12 @@ def _chain_of(
         place = (anchors[0], foot(axes, anchors, 1, 0))[k] if k < 2 else frames[-1][:3, 3]
         frames.append(frame_on(file.frame(file.body_of(joint)), along[k], anchors[k], place))
     frames.append(flange)
-    at_zero, held = list(frames), dict[str, Any]()
-    if arm.held is not None:
-        number = arm.held + 1
-        # The file holds the joint at its angle.
-        at_zero[number] = frames[number] @ turn_about_z(-senses[arm.held] * arm.angle)
-        held = {"held_joint": number, "held_angle": arm.angle}
+    at_zero, locked = list(frames), dict[str, Any]()
+    if arm.locked is not None:
+        number = arm.locked + 1
+        # In the file the joint is at its angle.
+        at_zero[number] = frames[number] @ turn_about_z(-senses[arm.locked] * arm.angle)
+        locked = {"locked_joint": number, "locked_angle": arm.angle}
     steps = np.array([inverse(frames[k]) @ at_zero[k + 1] for k in range(len(data))])
     steps[np.abs(steps) < SAME] = 0.0
     try:
@@ -293,14 +293,14 @@ def _chain_of(
             tuple(as_triple(step[:3, 3]) for step in steps),
             tuple(map(tuple, quaternion_of(steps[:, :3, :3]).tolist())),
             tuple(map(_limits, data)),
-            None if (senses > 0.0).all() else tuple(senses.tolist()), **held,
+            None if (senses > 0.0).all() else tuple(senses.tolist()), **locked,
         )  # fmt: skip
     except RobotError as fault:
-        if arm.held is None:
+        if arm.locked is None:
             raise
         raise RobotError(
-            f"joint {data[arm.held].name!r} cannot be held at {arm.angle:g} rad, give another "
-            f"held_angle or held_joint: {fault}"
+            f"joint {data[arm.locked].name!r} cannot be locked at {arm.angle:g} rad, give another "
+            f"locked_angle or locked_joint: {fault}"
         ) from None
     return limb, mount
 

@@ -76,13 +76,13 @@ class FileOptions:
     rotor_inertia: Annotated[float | None, OrNone(Tuples((), 0.0, 1e3, "kg m^2"))] = None
     """Inertia of a joint's rotor, reflected through its gear [kg m^2]; None for the `armature` of
     the file, or `ROTOR_INERTIA` where it has none."""
-    held_joint: Annotated[str | tuple[str | None, ...] | None, OrNone(_each(OrNone(NAME)))] = None
+    locked_joint: Annotated[str | tuple[str | None, ...] | None, OrNone(_each(OrNone(NAME)))] = None
     """Name of the joint that does not move in an arm of seven, or a list; None for the third joint,
     and for a limb of six joints."""
-    held_angle: Annotated[
+    locked_angle: Annotated[
         float | tuple[float | None, ...] | None, OrNone(_each(OrNone(Tuples())))
     ] = None
-    """Angle at which it is held, or a list [rad]; None for 0, and for a limb of six joints."""
+    """Angle at which it is locked, or a list [rad]; None for 0, and for a limb of six joints."""
     capsules: Annotated[tuple[Capsule, ...] | str | None, OrNone(Reader(_capsules))] = None
     """Collision shapes of a limb in its link frames; None for capsules fitted to the collision
     shapes of the file. `"ur5e"` stands for those that a limb has by default, simple ones along its

@@ -69,10 +69,10 @@ ORIGINS, QUATERNIONS = frames_of_dh(ur_dh())
 
 @dataclass(frozen=True)
 class Limb:
-    """An arm of six joints that move, or of seven of which one is held, by the frames of its links.
+    """An arm of six joints, or of seven of which one is locked, by the frames of its links.
 
     Each joint turns about the z axis of its link's frame, or against it. Names, signs and zeros of
-    the joints are those of the file it comes from. A joint that is held moves neither while the
+    the joints are those of the file it comes from. A joint that is locked moves neither while the
     limb holds nor while it swings; manipulability is that of the six others, a lower bound of that
     of all seven: `det(J J^T)` is the sum of the squares of the determinants of all choices of six
     columns (Cauchy-Binet). By default it is a UR5e by its maker's DH table.
@@ -98,28 +98,28 @@ class Limb:
         tuple[tuple[float, float], ...],
         Tuples((None, 2), -FARTHEST_TURN, FARTHEST_TURN, "rad", (6, 7)),
     ] = JOINT_LIMITS
-    """Lower and upper limit of each joint [rad], the held one among them."""
+    """Lower and upper limit of each joint [rad], the locked one among them."""
     axes: Annotated[tuple[float, ...] | None, OrNone(Tuples((None,), -1.0, 1.0, "", (6, 7)))] = None
     """1 for each joint whose angle counts about the z axis of its link, -1 if against it; None for
     1 each."""
     window_starts: Annotated[tuple[float, ...] | None, OrNone(SIX_ANGLES)] = None
     """Where the turn begins in which each joint that moves stays while the limb holds [rad], see
     `windows`; None for where those of UR arms do, or at half a turn."""
-    held_joint: Annotated[int | None, OrNone(Integer(1, 7))] = None
-    """Number of the joint of a seven-joint arm that is held; None of six."""
-    held_angle: Angle = 0.0
-    """Angle at which it is held [rad]."""
+    locked_joint: Annotated[int | None, OrNone(Integer(1, 7))] = None
+    """Number of the joint of a seven-joint arm that is locked; None of six."""
+    locked_angle: Angle = 0.0
+    """Angle at which it is locked [rad]."""
 
     def __post_init__(self) -> None:
         """Check frames and limits."""
         place = FieldPath("limb", RobotError)
         LIMB.check(self, place)
-        count = 6 if self.held_joint is None else 7
+        count = 6 if self.locked_joint is None else 7
         for name in ("joint_limits", "origins", "quaternions", "axes"):
             found = getattr(self, name)
             if found is not None and len(found) != count:
                 raise place.field(name).fault(
-                    f"has {len(found)} entries; an arm with held_joint {self.held_joint} has "
+                    f"has {len(found)} entries; an arm with locked_joint {self.locked_joint} has "
                     f"{count} joints"
                 )
         if set(self.axes or ()) - {1.0, -1.0}:
@@ -134,15 +134,15 @@ class Limb:
 
     def _check_limits(self, place: FieldPath) -> None:
         for joint, (low, high) in enumerate(self.joint_limits):
-            if not (low < high or (low == high and joint + 1 == self.held_joint)):
+            if not (low < high or (low == high and joint + 1 == self.locked_joint)):
                 limits = place.field("joint_limits").entry(joint)
                 raise limits.fault(f"is {[low, high]}; the lower limit must come first")
-        if self.held_joint is None:
+        if self.locked_joint is None:
             return
-        low, high = self.joint_limits[self.held_joint - 1]
-        if not low <= self.held_angle <= high:
-            raise place.field("held_angle").fault(
-                f"is {self.held_angle:g} rad; joint {self.held_joint} turns from {low:g} to "
+        low, high = self.joint_limits[self.locked_joint - 1]
+        if not low <= self.locked_angle <= high:
+            raise place.field("locked_angle").fault(
+                f"is {self.locked_angle:g} rad; joint {self.locked_joint} turns from {low:g} to "
                 f"{high:g} rad"
             )
 
@@ -165,22 +165,23 @@ class Limb:
         jacobians = np.concatenate([np.cross(joints, away), joints], axis=2)
         largest = float(np.abs(np.linalg.det(jacobians)).max())
         if largest < LEAST_DETERMINANT * self.arm_length**3:
-            held = "" if self.held_joint is None else f" with joint {self.held_joint} held there"
+            joint = self.locked_joint
+            told = "" if joint is None else f" with joint {joint} locked there"
             raise place.field("origins").fault(
-                f"and quaternions make an arm that is singular in every posture{held}"
+                f"and quaternions make an arm that is singular in every posture{told}"
             )
 
     @cached_property
     def _whole(self) -> tuple[Array, Array]:
         """Base of the joints that move in the mount (4, 4), and their steps (6, 4, 4)."""
-        axes, locked = self.axes or (1.0,) * len(self.origins), self.held_joint
+        axes, locked = self.axes or (1.0,) * len(self.origins), self.locked_joint
         # What quarter turns leave of a sine is a rounding error; nothing is -0.
         steps = [
             rigid(np.round(axes_of(quaternion), 15), origin) + 0.0
             for origin, quaternion in zip(self.origins, self.quaternions, strict=True)
         ]
         if locked is not None:
-            step = steps.pop(locked - 1) @ turn_about_z(axes[locked - 1] * self.held_angle)
+            step = steps.pop(locked - 1) @ turn_about_z(axes[locked - 1] * self.locked_angle)
             if locked < len(self.origins):
                 steps[locked - 1] = step @ steps[locked - 1]
             else:
@@ -200,7 +201,7 @@ class Limb:
 
     @property
     def base_in_mount(self) -> Array:
-        """Base of the first joint that moves in the mount, (4, 4); another frame if 1 is held."""
+        """Base of the first joint that moves in the mount, (4, 4); another if 1 is locked."""
         return self._whole[0]
 
     @property
@@ -307,12 +308,14 @@ class Limb:
         The angles have shape (..., 7), or (..., 6) of an arm of six joints.
         """
         rows = np.asarray(angles, dtype=np.float64)
-        return rows if self.held_joint is None else np.delete(rows, self.held_joint - 1, axis=-1)
+        return (
+            rows if self.locked_joint is None else np.delete(rows, self.locked_joint - 1, axis=-1)
+        )
 
     def all_angles(self, moving: Array) -> Array:
         """Return angles of all joints of the arm, the inverse of `moving_angles` [rad]."""
-        rows, at = np.asarray(moving, dtype=np.float64), self.held_joint
-        return rows if at is None else np.insert(rows, at - 1, self.held_angle, axis=-1)
+        rows, at = np.asarray(moving, dtype=np.float64), self.locked_joint
+        return rows if at is None else np.insert(rows, at - 1, self.locked_angle, axis=-1)
 
 
 def link_frames(limb: Limb, angles: Array) -> Array:
@@ -326,31 +329,31 @@ def link_frames(limb: Limb, angles: Array) -> Array:
 def with_failed_joint(limb: Limb, joint: int, angle: float) -> Limb:
     """Return a limb with a joint, counted from 1, locked at an angle [rad].
 
-    Its limits become that angle, and it is held in place of the one that was. Raises a
+    Its limits become that angle, and it is locked in place of the one that was. Raises a
     `RobotError`, to be preceded by which limb it is, if no six other joints can move it.
     """
     count = len(limb.joint_limits)
     if joint not in range(1, count + 1):
         raise RobotError(f"joint is {joint}; it must be a whole number from 1 to {count}")
-    if limb.held_joint is None:
+    if limb.locked_joint is None:
         raise RobotError(
             f"has {count} joints: with joint {joint} failed it can hold its point, but neither "
             "step nor follow the body, so no plan moves a robot that it holds; only a limb of "
             "seven joints plans on"
         )
-    low, high = limb.joint_limits[limb.held_joint - 1]
-    if low == high and (joint, angle) != (limb.held_joint, low):
+    low, high = limb.joint_limits[limb.locked_joint - 1]
+    if low == high and (joint, angle) != (limb.locked_joint, low):
         raise RobotError(
-            f"has joint {limb.held_joint} failed at {low:g} rad already; with joint {joint} "
+            f"has joint {limb.locked_joint} failed at {low:g} rad already; with joint {joint} "
             f"failed at {angle:g} rad as well it could hold its point, but neither step nor "
             "follow the body"
         )
     try:
-        failed = replace(limb, held_joint=joint, held_angle=float(angle))
+        failed = replace(limb, locked_joint=joint, locked_angle=float(angle))
     except RobotError as fault:
         raise RobotError(f"cannot move with joint {joint} failed: {fault}") from None
     limits = list(limb.joint_limits)
-    limits[joint - 1] = (failed.held_angle, failed.held_angle)
+    limits[joint - 1] = (failed.locked_angle, failed.locked_angle)
     return replace(failed, joint_limits=tuple(limits))
 
 

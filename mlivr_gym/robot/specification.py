@@ -123,7 +123,7 @@ class RobotSpec(RobotFields):
     def with_failed_joint(self, limb: int, joint: int, angle: float) -> RobotSpec:
         """Return the robot with a joint of a seven-joint limb locked at an angle.
 
-        The limb holds that joint in place of the one that it held. Where these differ its links are
+        That joint is locked in place of the one that was. Where these differ its links are
         others, so its collision shapes are the default ones and its masses are not known. Limbs are
         counted from 0, joints of the arm from 1; the angle is in the terms of the limb's
         `joint_limits` [rad].
@@ -143,7 +143,7 @@ class RobotSpec(RobotFields):
             return self
         mounts[limb] = (
             replace(self._with_shared(mounts[limb]), limb=failed)
-            if joint == whole.held_joint
+            if joint == whole.locked_joint
             else Mount(mounts[limb].position, mounts[limb].rotation, failed)
         )
         return replace(self, name=f"{self.name}-limb{limb}-joint{joint}", mounts=tuple(mounts))

@@ -8,7 +8,7 @@ plan --goal 60 0 0                            : outside the cabin
 plan --cost fast                              : --cost is 'fast'; valid choices are 'base', 'steps'
 plan --cost weighted                          : regrasp_price
 plan --robot robocop                          : 'robocop'
-plan --robot mlivr2-iiwa --held-joint joint2  : --held-joint has no effect with --robot mlivr2-iiwa
+plan --robot mlivr2-iiwa --locked-joint joint2 : --locked-joint has no effect with --robot mlivr2
 suggest --robot mlivr3                        : smallest changes need two limbs
 info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
 plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold

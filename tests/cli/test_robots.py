@@ -36,17 +36,19 @@ def chosen(*words):
 
 def test_options_on_a_file_are_the_arguments_of_from_urdf(tmp_path):
     path = written(tmp_path, one_arm(frames=FRANKA))
-    words = ["--held-joint", "joint6", "--held-angle", "1.8", "--tool-frame", "link7"]
-    expected = RobotSpec.from_urdf(path, held_joint="joint6", held_angle=1.8, tool_frame="link7")
+    words = ["--locked-joint", "joint6", "--locked-angle", "1.8", "--tool-frame", "link7"]
+    expected = RobotSpec.from_urdf(
+        path, locked_joint="joint6", locked_angle=1.8, tool_frame="link7"
+    )
     assert chosen("--robot", path, *words) == expected
-    assert expected != RobotSpec.from_urdf(path, held_joint="joint6", held_angle=1.8)
+    assert expected != RobotSpec.from_urdf(path, locked_joint="joint6", locked_angle=1.8)
     frames = np.tile(np.eye(4), (2, 1, 1))
     frames[0, :3, :3] = [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]
     frames[1, :3, :3] = [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]
     frames[:, 0, 3] = 0.3, -0.3
     two = written(tmp_path, whole_robot(frames, [UR10E, IIWA14]), "two.urdf")
-    words = ["--held-joint", "none", "arm1_joint2", "--held-angle", "none", "-1.2"]
-    options = {"held_joint": [None, "arm1_joint2"], "held_angle": [None, -1.2]}
+    words = ["--locked-joint", "none", "arm1_joint2", "--locked-angle", "none", "-1.2"]
+    options = {"locked_joint": [None, "arm1_joint2"], "locked_angle": [None, -1.2]}
     assert chosen("--robot", two, *words) == RobotSpec.from_urdf(two, **options)
 
 

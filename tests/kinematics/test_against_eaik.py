@@ -1,4 +1,4 @@
-"""Solutions of arms of all closed forms, some with a joint held, against EAIK."""
+"""Solutions of arms of all closed forms, some with a joint locked, against EAIK."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ def test_eaik_finds_the_same_solutions_of_arms_with_parallel_axes(limb):
 
 @pytest.mark.parametrize("held", [0.0, 0.7, -2.0])
 def test_eaik_finds_the_same_solutions_of_the_published_station_arm_with_joint_1_held(held):
-    limb = replace(robot_spec("ssrms2").limb, held_angle=held)
+    limb = replace(robot_spec("ssrms2").limb, locked_angle=held)
     robot, _ = eaik_arm(station_arm.MODEL, "end", [(0, held)])
     axes, origin = limb.base_in_mount[:3, :3], limb.base_in_mount[:3, 3]
     mount = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -79,9 +79,9 @@ def test_eaik_finds_the_same_solutions_of_the_published_station_arm_with_joint_1
 
 @pytest.mark.parametrize("name", WRISTS)
 def test_eaik_finds_the_same_solutions(name):
-    """Arms with a spherical wrist or shoulder, known by their axes and the joint that is held."""
+    """Arms with a spherical wrist or shoulder, known by their axes and the joint that is locked."""
     limb, model = WRISTS[name], pinocchio_wrist_arm(WRISTS[name])
-    held = [(limb.held_joint - 1, limb.held_angle)] if limb.held_joint else None
+    held = [(limb.locked_joint - 1, limb.locked_angle)] if limb.locked_joint else None
     robot, axes = eaik_arm(model, "flange", held)
     for q in random_angles(0):
         flange = flange_of(model, limb, q)[0]

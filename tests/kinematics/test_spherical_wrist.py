@@ -32,7 +32,7 @@ def test_joint_angles_are_the_maker_s_but_for_two_signs():
         pose = pose * pin.SE3(about, np.array([0.0, 0.0, height - last]))
         last = height
     pose = pose * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.126]))
-    found = link_frames(replace(IIWA, held_angle=0.7), q)[6]
+    found = link_frames(replace(IIWA, locked_angle=0.7), q)[6]
     np.testing.assert_allclose(found, pose.homogeneous, atol=1e-12)
 
 
@@ -65,13 +65,13 @@ def test_a_robot_with_such_limbs_is_written_and_read():
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"held_joint": 4}, "singular in every posture with joint 4 held"),
-        ({"held_joint": 7}, "quaternions make the last two axes that move parallel"),
-        ({"held_joint": 8}, "limb.held_joint is 8; it must be a whole number from 1 to 7"),
-        ({"held_joint": 6}, "quaternions make the last two axes that move parallel"),
-        ({"held_joint": 2}, "singular in every posture with joint 2 held"),
-        ({"held_joint": None}, "limb.joint_limits has 7 entries; .* has 6 joints"),
-        ({"held_angle": 3.0}, "limb.held_angle is 3 rad; joint 3 turns from -2.9"),
+        ({"locked_joint": 4}, "singular in every posture with joint 4 locked"),
+        ({"locked_joint": 7}, "quaternions make the last two axes that move parallel"),
+        ({"locked_joint": 8}, "limb.locked_joint is 8; it must be a whole number from 1 to 7"),
+        ({"locked_joint": 6}, "quaternions make the last two axes that move parallel"),
+        ({"locked_joint": 2}, "singular in every posture with joint 2 locked"),
+        ({"locked_joint": None}, "limb.joint_limits has 7 entries; .* has 6 joints"),
+        ({"locked_angle": 3.0}, "limb.locked_angle is 3 rad; joint 3 turns from -2.9"),
         ({"origins": ((0.0, 0.0, 360.0), *IIWA.origins[1:])}, "is 360, larger than 100 m"),
         ({"origins": ((0.1, 0.0, 0.0), *IIWA.origins[1:])}, "put joint 1 beside the z axis"),
         ({"quaternions": ((0.0, 1.0, 0.0, 0.0), *IIWA.quaternions[1:])}, "or against it"),

@@ -23,8 +23,8 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.timing import plan_trajectory
 
-HELD = {"iiwa14": {"held_joint": "joint3", "held_angle": 0.5}}
-"""Which joint of an arm of seven is held, and where [rad]."""
+HELD = {"iiwa14": {"locked_joint": "joint3", "locked_angle": 0.5}}
+"""Which joint of an arm of seven is locked, and where [rad]."""
 
 PUBLIC = ("irb120", "m0609", "m1013", "ur5e", "cr5", "iiwa14", "xarm6", "crx10ia", "z1", "vs060",
           "rs007n")  # fmt: skip
@@ -42,11 +42,11 @@ def poses(positions, quaternions):
 
 
 class Original:
-    """Pinocchio's model of the file of one arm, of which one joint may be held."""
+    """Pinocchio's model of the file of one arm, of which one joint may be locked."""
 
     def __init__(self, path, held):
         build = pin.buildModelFromUrdf if path.endswith(".urdf") else pin.buildModelFromMJCF
-        self.model, self.rest = build(path), {held.get("held_joint"): held.get("held_angle")}
+        self.model, self.rest = build(path), {held.get("locked_joint"): held.get("locked_angle")}
         self.data, self.tool = self.model.createData(), self.model.getFrameId("tool0")
 
     def tool_at(self, angles):

@@ -63,9 +63,9 @@ def points_of_file(path, folder, angles, held):
 
 @pytest.mark.parametrize("held", [(3, 0.8), (5, -0.4), (1, 0.3)])
 def test_meshes_are_where_the_file_has_them(folder, held):
-    """Seen from the flange, whatever joint is held, at drawn joint angles."""
+    """Seen from the flange, whatever joint is locked, at drawn joint angles."""
     path = written(folder)
-    options = {"held_joint": f"joint{held[0]}", "held_angle": held[1], "capsules": "ur5e"}
+    options = {"locked_joint": f"joint{held[0]}", "locked_angle": held[1], "capsules": "ur5e"}
     robot = RobotSpec.from_urdf(path, **options)
     spec = robot_alone(robot)
     show_limbs(spec, robot)
@@ -92,10 +92,10 @@ def test_meshes_are_where_the_file_has_them(folder, held):
 
 def test_a_robot_with_meshes_is_written_as_json_and_plans_as_without(folder):
     path = written(folder)
-    robot = RobotSpec.from_urdf(path, held_angle=0.8, capsules="ur5e")
+    robot = RobotSpec.from_urdf(path, locked_angle=0.8, capsules="ur5e")
     assert len(robot.visuals) == 7
     assert RobotSpec.from_dict(robot.to_dict()) == robot
-    bare = RobotSpec.from_urdf(written(folder, links=()), held_angle=0.8, capsules="ur5e")
+    bare = RobotSpec.from_urdf(written(folder, links=()), locked_angle=0.8, capsules="ur5e")
     assert bare.visuals is None
     assert bare.fingerprint == robot.fingerprint
     assert not limb_meshes(bare, 0)
@@ -104,7 +104,7 @@ def test_a_robot_with_meshes_is_written_as_json_and_plans_as_without(folder):
 @pytest.mark.parametrize("file", ["package://arms/meshes/none.stl", "meshes/link.dae"])
 def test_a_mesh_that_is_missing_is_one_warning_and_its_link_has_capsules(folder, file):
     (folder / "meshes" / "link.dae").write_text("<COLLADA/>")
-    robot = RobotSpec.from_urdf(written(folder, file), held_angle=0.8, capsules="ur5e")
+    robot = RobotSpec.from_urdf(written(folder, file), locked_angle=0.8, capsules="ur5e")
     told = "7 of 7 visual meshes are not found or not STL or OBJ, the first is"
     with pytest.warns(UserWarning, match=told) as caught:
         assert limb_meshes(robot, 0) == ()
@@ -118,7 +118,7 @@ def test_meshes_of_mjcf_are_those_of_the_urdf(folder):
     spec.compile()
     other = folder / "arm.xml"
     other.write_text(spec.to_xml())
-    options = {"held_angle": 0.8, "capsules": "ur5e", "speed_limits": 2.0, "torque_limits": 50.0}
+    options = {"locked_angle": 0.8, "capsules": "ur5e", "speed_limits": 2.0, "torque_limits": 50.0}
     first = RobotSpec.from_urdf(path, **options)
     second = RobotSpec.from_mjcf(other, tool_frame="tool0", **options)
     assert len(second.visuals) == 7

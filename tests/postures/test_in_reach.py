@@ -95,7 +95,7 @@ def test_sets_between_opposite_walls_are_reached_from_their_own_rolls_and_height
 
 
 def first_joint_held(limbs, settings):
-    """A robot of iiwas with an offset along axis 2 whose first joint is held."""
+    """A robot of iiwas with an offset along axis 2 whose first joint is locked."""
     robot = robot_spec("mlivr2-iiwa")
     limb = Lengths(d2=0.15).limb(robot.limb.joint_limits, 1, 0.4)
     robot = replace(

@@ -16,7 +16,7 @@ ARMS = {
     "Kinova Gen3, joint 3": ("gen3", 3),
     "UFactory xArm7, joint 6": ("xarm7", 6),
 }
-"""ssik's name and held joint; the axes of the last three do not quite meet, so that EAIK knows no
+"""ssik's name and locked joint; the axes of the last three do not quite meet, so that EAIK knows no
 closed form of them."""
 
 

@@ -1,4 +1,4 @@
-"""Robots of which a joint has failed: the limb is the same arm with another joint held."""
+"""Robots of which a joint has failed: the limb is the same arm with another joint locked."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from mlivr_gym import RobotSpec, robot_spec
 from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.limb import link_frames
 
-ROBOT = replace(robot_spec("mlivr2"), name="pair", limb=replace(IIWA, held_angle=0.8),
+ROBOT = replace(robot_spec("mlivr2"), name="pair", limb=replace(IIWA, locked_angle=0.8),
                 folds=IIWA.default_folds)  # fmt: skip
 ANGLES = np.array([0.3, -0.9, 0.8, 1.2, -0.4, 0.7, 0.1])
 
@@ -37,7 +37,7 @@ def test_the_flange_stays_where_it_is_when_a_joint_fails(joint):
     assert RobotSpec.from_dict(robot.to_dict()) == robot
 
 
-def test_masses_stay_known_where_the_held_joint_itself_fails():
+def test_masses_stay_known_where_the_locked_joint_itself_fails():
     robot = robot_spec("mlivr2-iiwa")
     again = robot.with_failed_joint(1, 3, 0.5)
     assert again.dynamics_of(1) == robot.dynamics_of(0)
@@ -52,7 +52,7 @@ def test_masses_stay_known_where_the_held_joint_itself_fails():
 def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_refused():
     robot = ROBOT.with_failed_joint(0, 2, -0.9)
     both = robot.with_failed_joint(1, 5, -0.4)
-    held = [(limb.held_joint, limb.held_angle) for limb in both.every_limb]
+    held = [(limb.locked_joint, limb.locked_angle) for limb in both.every_limb]
     assert held == [(2, -0.9), (5, -0.4)]
     other = ROBOT.with_failed_joint(1, 5, -0.4).with_failed_joint(0, 2, -0.9)
     assert replace(other, name=both.name) == both
@@ -64,8 +64,10 @@ def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_re
     ):  # fmt: skip
         with pytest.raises(RobotError, match=words):
             both.with_failed_joint(*given)
-    with pytest.raises(RobotError, match=r"held_angle is 0.5 rad; joint 2 turns from -0.9 to -0.9"):
-        replace(robot.every_limb[0], held_angle=0.5)
+    with pytest.raises(
+        RobotError, match=r"locked_angle is 0.5 rad; joint 2 turns from -0.9 to -0.9"
+    ):
+        replace(robot.every_limb[0], locked_angle=0.5)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +76,7 @@ def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_re
         ("mlivr2", (0, 3, 0.1), "limb 0 has 6 joints: with joint 3 failed it can hold its point, "
          "but neither step nor follow the body"),
         ("mlivr2-iiwa", (0, 4, 0.1), "limb 0 cannot move with joint 4 failed: limb"),
-        ("mlivr2-iiwa", (0, 1, 3.1), "held_angle is 3.1 rad; joint 1 turns from"),
+        ("mlivr2-iiwa", (0, 1, 3.1), "locked_angle is 3.1 rad; joint 1 turns from"),
         ("mlivr2-iiwa", (0, 2, 0.0), "joint 2 failed: .* singular in every posture"),
     ],
 )  # fmt: skip

@@ -55,12 +55,12 @@ HELD = {
     "iiwa": 3, "iiwa-first": 1, "iiwa-second": 2, "iiwa-fifth": 5, "iiwa-sixth": 6, "franka": 6,
     "gen3": 3, "gen3-first": 1, "iiwa-off": 3,
 }  # fmt: skip
-"""The joint that is held by the names of the arms of seven joints."""
+"""The joint that is locked by the names of the arms of seven joints."""
 NUMERIC = ("xarm6", "jaco2-6", "kr16-offset")
 
 
 def held_of(name, angle=0.7):
-    return {"held_joint": f"joint{HELD[name]}", "held_angle": angle} if name in HELD else {}
+    return {"locked_joint": f"joint{HELD[name]}", "locked_angle": angle} if name in HELD else {}
 
 
 def turned(angles, other):
@@ -100,7 +100,7 @@ def test_flanges_are_where_pinocchio_has_them_and_solutions_lead_there(tmp_path,
 
 @pytest.mark.parametrize("name", [name for name in ARMS if not name.endswith("-off")])
 def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
-    """The inertia of a limb on a fixed base; a held joint is at its angle in the file."""
+    """The inertia of a limb on a fixed base; a locked joint is at its angle in the file."""
     path = written(tmp_path, one_arm(frames=ARMS[name], seed=5))
     options = held_of(name) | {"rotor_inertia": 0.0, "gripper_mass": 0.0, "mount_radius": 0.2}
     robot = RobotSpec.from_urdf(path, **options)
@@ -111,7 +111,7 @@ def test_links_move_as_mujoco_has_those_of_the_file(tmp_path, name):
         angles = rng.uniform(-3.0, 3.0, 6)
         there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
         if name in HELD:
-            there.joint(options["held_joint"]).qpos = options["held_angle"]
+            there.joint(options["locked_joint"]).qpos = options["locked_angle"]
         there.qpos[moving] = angles
         here.qpos[:7] = 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0
         here.qpos[7:13] = angles
@@ -141,7 +141,10 @@ def test_each_arm_of_a_robot_holds_its_own_joint_or_none(tmp_path, arms, held, a
     path = written(tmp_path, whole_robot(places, arms))
     spec = mujoco.MjSpec.from_file(path)
     spec.compiler.fusestatic = False
-    theirs, robot = spec.compile(), RobotSpec.from_urdf(path, held_joint=held, held_angle=angles)
+    theirs, robot = (
+        spec.compile(),
+        RobotSpec.from_urdf(path, locked_joint=held, locked_angle=angles),
+    )
     ours, moving = compile_spec(robot_alone(robot)), np.random.default_rng(4).uniform(-2, 2, (2, 6))
     there, here = mujoco.MjData(theirs), mujoco.MjData(ours)
     names, every = np.ravel(robot.joint_names).tolist(), moving.ravel().tolist()
@@ -176,10 +179,10 @@ def test_flanges_are_moved_along_their_axes_so_that_all_tools_are_equal(tmp_path
         np.testing.assert_allclose(reached, tool[:3] @ [0.0, 0.0, (0.02, 0.05)[k], 1.0], atol=1e-8)
 
 
-def test_limits_and_the_held_joint_are_those_of_the_file(tmp_path):
+def test_limits_and_the_locked_joint_are_those_of_the_file(tmp_path):
     path = written(tmp_path, one_arm(frames=IIWA14))
-    robot = RobotSpec.from_urdf(path, held_angle=0.8)
-    assert (robot.limb.held_joint, robot.limb.held_angle) == (3, 0.8)
+    robot = RobotSpec.from_urdf(path, locked_angle=0.8)
+    assert (robot.limb.locked_joint, robot.limb.locked_angle) == (3, 0.8)
     assert [name[-1] for name in robot.joint_names[1]] == ["1", "2", "4", "5", "6", "7"]
     assert robot.limb.joint_limits[2:4] == ((-3.1, 3.0), (-6.0, 6.1))
-    assert "joint joint3 held at 0.8 rad" in robot.source
+    assert "joint joint3 locked at 0.8 rad" in robot.source

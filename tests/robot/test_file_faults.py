@@ -50,7 +50,7 @@ def test_fingers_are_no_joints_of_the_arm(tmp_path, fingers, parent):
     text = more(straight_arm(), *(hinge(*name[:1], parent, name[1]) for name in names))
     file = read_robot(written(tmp_path, tool_of(text)))
     assert file.file_limbs[0].joint_names == SIX
-    assert file.fields["limb"].held_joint is None
+    assert file.fields["limb"].locked_joint is None
     data = mujoco.MjData(model := mujoco.MjModel.from_xml_string(text))
     mujoco.mj_kinematics(model, data)
     limb, mount = file.file_limbs[0].limb, file.file_limbs[0].mount
@@ -222,5 +222,5 @@ def test_every_command_says_what_is_assumed(tmp_path, capsys):
     path = written(tmp_path, one_arm(frames=IIWA14))
     assert main(["info", "--robot", path, "--no-collisions", "--no-transitions"]) == 0
     told = capsys.readouterr().err
-    assert "joint joint3 held at 0 rad; a gripper of 0.05 m and 0.5 kg added" in told
+    assert "joint joint3 locked at 0 rad; a gripper of 0.05 m and 0.5 kg added" in told
     assert "rotor inertias of 0.1 kg m^2 assumed" in told

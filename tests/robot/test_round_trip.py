@@ -26,7 +26,7 @@ SAVED = {"json": RobotSpec.save, "urdf": RobotSpec.to_urdf, "xml": RobotSpec.to_
 def held(joint, angle):
     """A robot with iiwas, whose base is no cylinder."""
     robot = robot_spec("mlivr2-iiwa")
-    limb = replace(robot.limb, held_joint=joint, held_angle=angle)
+    limb = replace(robot.limb, locked_joint=joint, locked_angle=angle)
     return replace(robot, limb=limb, folds=limb.default_folds, capsules=None, apart=())
 
 
@@ -79,7 +79,7 @@ def test_a_robot_is_the_same_from_its_own_files_and_from_changed_ones(tmp_path, 
     else:
         frames, joint, angle = READ[name]
         path = written(tmp_path, one_arm(frames=frames))
-        options = {} if joint is None else {"held_joint": joint, "held_angle": angle}
+        options = {} if joint is None else {"locked_joint": joint, "locked_angle": angle}
         robot = RobotSpec.from_urdf(path, mount_radius=0.2, **options)
     for kind, save in SAVED.items():
         save(robot, tmp_path / f"again.{kind}")

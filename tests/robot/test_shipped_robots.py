@@ -56,14 +56,14 @@ def test_the_arms_weigh_what_their_data_sheets_say(name):
         assert dynamics.base_mass + sum(dynamics.masses) == pytest.approx(mass, rel=0.06)
 
 
-def iiwa_model(held_angle):
-    """Pinocchio's model of the iiwa with joint 3 held."""
+def iiwa_model(locked_angle):
+    """Pinocchio's model of the iiwa with joint 3 locked."""
     model, parent, within = pin.Model(), 0, pin.SE3.Identity()
     for k, (place, angles, mass, centre, inertia) in enumerate(IIWA):
         turn = pin.rpy.rpyToMatrix(*np.deg2rad(angles).tolist())
         within = within * pin.SE3(turn, np.array(place, dtype=float))
         if k == 2:
-            within = within * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, held_angle), np.zeros(3))
+            within = within * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, locked_angle), np.zeros(3))
         else:
             parent = model.addJoint(parent, pin.JointModelRZ(), within, f"joint{k + 1}")
             within = pin.SE3.Identity()
@@ -73,10 +73,10 @@ def iiwa_model(held_angle):
 
 
 def test_the_links_of_the_iiwa_have_the_masses_of_its_description():
-    """The mass matrix at random postures: the held joint joins two links rigidly."""
+    """The mass matrix at random postures: the locked joint joins two links rigidly."""
     robot = replace(robot_spec("mlivr2-iiwa"), gripper_mass=0.0)
     rotors = np.diag(robot.dynamics_of(0).rotor_inertias)
-    model, scene = iiwa_model(robot.limb.held_angle), robot_alone(robot).compile()
+    model, scene = iiwa_model(robot.limb.locked_angle), robot_alone(robot).compile()
     data, mine, rng = model.createData(), mujoco.MjData(scene), np.random.default_rng(0)
     for _ in range(20):
         joints = rng.uniform(*robot.limb.limits.T, size=(2, 6))

@@ -89,7 +89,7 @@ def test_limbs_hold_their_points_as_the_published_arm_does(graph):
         position, quaternion, joints = graph.configuration(graph.state(stance))
         base = Rotation.from_quat(quaternion, scalar_first=True).as_matrix()
         for i, point in enumerate(stance):
-            end, jacobian = station_arm.flange_in_mount(limb.held_angle, joints[i])
+            end, jacobian = station_arm.flange_in_mount(limb.locked_angle, joints[i])
             radial, up = np.array([1.0 - 2.0 * i, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
             mount = base @ np.column_stack([up, np.cross(radial, up), radial])
             world = position + base @ (0.5 * radial) + mount @ end[:3, 3]

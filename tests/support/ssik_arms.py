@@ -15,7 +15,7 @@ from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.from_file import read_robot
 
 HELD_ANGLE = 0.8
-"""Angle of a joint that is held [rad]."""
+"""Angle of a joint that is locked [rad]."""
 
 LIMIT = 6.2
 """Joint limit of every arm that is written as a file [rad]."""
@@ -47,8 +47,8 @@ def mjcf_of(arm):
 
 
 def read_arm(arm, held):
-    """The robot of two arms, of which one joint is held."""
-    options = {} if held is None else {"held_joint": f"joint{held}", "held_angle": HELD_ANGLE}
+    """The robot of two arms, of which one joint is locked."""
+    options = {} if held is None else {"locked_joint": f"joint{held}", "locked_angle": HELD_ANGLE}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "arm.xml")
         path.write_text(mjcf_of(arm), encoding="utf-8")

@@ -45,17 +45,19 @@ class Lengths(NamedTuple):
     a6: float = 0.0
     """Distance of axis 7 from axis 6."""
 
-    def limb(self, limits, held_joint=3, held_angle=0.0):
-        """The limb; one of no held joint has six."""
+    def limb(self, limits, locked_joint=3, locked_angle=0.0):
+        """The limb; one of no locked joint has six."""
         fore = [((self.a3, self.d4, 0.0), BACK), ((0.0, 0.0, 0.0), FORTH)]
         fore += [((self.a6, self.d6, 0.0), BACK)]
         base = [((0.0, 0.0, self.d1), STRAIGHT), ((self.a1, 0.0, 0.0), FORTH)]
-        if held_joint is None:
+        if locked_joint is None:
             upper = [((self.b2, self.a2, self.d2), STRAIGHT)]
         else:
             upper = [((0.0, 0.0, self.d2), BACK), ((self.b2, -self.d3, self.a2), FORTH)]
         origins, quaternions = zip(*base, *upper, *fore, strict=True)
-        made = Limb(origins, quaternions, limits, held_joint=held_joint, held_angle=held_angle)
+        made = Limb(
+            origins, quaternions, limits, locked_joint=locked_joint, locked_angle=locked_angle
+        )
         KNOWN[origins] = self
         return made
 
@@ -64,7 +66,7 @@ KNOWN = {}
 """Lengths of limbs, by the origins of their links."""
 IIWA = robot_spec("mlivr2-iiwa").limb
 KNOWN[IIWA.origins] = Lengths()
-IIWA = replace(IIWA, held_angle=0.0)
+IIWA = replace(IIWA, locked_angle=0.0)
 """KUKA LBR iiwa 14 R820 by the maker's data sheet, joint 3 at 0."""
 SIX = Lengths(d1=0.29, a1=0.05, d2=0.03, a2=0.27, a3=0.07, d4=0.302, d6=0.072).limb(WIDE, None)
 """Lengths of a small industrial robot (ABB IRB 120), with every offset that the form has."""
@@ -77,28 +79,28 @@ FRANKA = Lengths(d1=0.333, a2=0.316, b2=0.0825, a3=-0.0825, d4=0.384, a6=0.088, 
 )
 """Lengths of a Franka Research 3 by the maker's DH parameters; its shoulder alone is spherical."""
 GEN3_LENGTHS = Lengths(d1=0.2848, d2=-0.0118, a2=0.4208, d3=-0.0128, d4=0.3143, d6=0.1674)
-GEN3 = GEN3_LENGTHS.limb(((-6.2, 6.2),) * 7, held_angle=0.6)
+GEN3 = GEN3_LENGTHS.limb(((-6.2, 6.2),) * 7, locked_angle=0.6)
 """Lengths of a Kinova Gen3 in the maker's DH parameters: axis 3 lies beside axis 1."""
 LIMBS = {
     "iiwa": IIWA,
-    "iiwa-across": replace(IIWA, held_angle=-0.5 * np.pi),
+    "iiwa-across": replace(IIWA, locked_angle=-0.5 * np.pi),
     "six": SIX,
     "gen3": GEN3,
     "franka": FRANKA,
 }
 """Limbs by name."""
 OTHERS = {
-    "iiwa-first": replace(IIWA, held_joint=1, held_angle=0.6),
-    "iiwa-second": replace(IIWA, held_joint=2, held_angle=-1.7),
-    "wam": replace(WAM, held_angle=0.5),
-    "iiwa-fifth": replace(IIWA, held_joint=5, held_angle=0.6),
+    "iiwa-first": replace(IIWA, locked_joint=1, locked_angle=0.6),
+    "iiwa-second": replace(IIWA, locked_joint=2, locked_angle=-1.7),
+    "wam": replace(WAM, locked_angle=0.5),
+    "iiwa-fifth": replace(IIWA, locked_joint=5, locked_angle=0.6),
 }
 """Limbs that hold another joint than the third, or whose elbow lies beside the upper arm."""
 FURTHER = {
     "gen3-offset": GEN3_LENGTHS._replace(d2=-0.2, d3=-0.15).limb(GEN3.joint_limits, 3, 0.6),
-    "iiwa-sixth": replace(IIWA, held_joint=6, held_angle=-1.7),
-    "wam-fifth": replace(WAM, held_joint=5),
-    "gen3-first": replace(GEN3, held_joint=1),
+    "iiwa-sixth": replace(IIWA, locked_joint=6, locked_angle=-1.7),
+    "wam-fifth": replace(WAM, locked_joint=5),
+    "gen3-first": replace(GEN3, locked_joint=1),
 }
 """Further limbs that hold another joint, or with larger offsets."""
 
@@ -106,18 +108,20 @@ FURTHER = {
 def moved_by(limb, q):
     """Angles of all joints of the model by those of the joints that move."""
     q = np.asarray(q)
-    return q if limb.held_joint is None else np.insert(q, limb.held_joint - 1, limb.held_angle)
+    return (
+        q if limb.locked_joint is None else np.insert(q, limb.locked_joint - 1, limb.locked_angle)
+    )
 
 
 def columns(limb):
     """Columns of the model's Jacobian that belong to the joints that move."""
-    joints = range(6 if limb.held_joint is None else 7)
-    return [joint for joint in joints if joint + 1 != limb.held_joint]
+    joints = range(6 if limb.locked_joint is None else 7)
+    return [joint for joint in joints if joint + 1 != limb.locked_joint]
 
 
 def pinocchio_wrist_arm(limb):
     """Model of one arm; frame "flange" has the axes of the base at zero angles."""
-    held, limb = limb.held_joint, KNOWN[limb.origins]
+    held, limb = limb.locked_joint, KNOWN[limb.origins]
     shoulder, up, across = np.array([limb.a1, 0, limb.d1]), np.eye(3)[2], -np.eye(3)[1]
     beside = shoulder + limb.d2 * across
     elbow = beside + np.array([limb.b2, 0.0, limb.a2])
@@ -149,9 +153,9 @@ def flange_of(model, limb, q):
     return pose, jacobian[:, columns(limb)], jacobian
 
 
-def iiwa_from_file(held_angle):
+def iiwa_from_file(locked_angle):
     """Two iiwa on opposite faces of a cube, from a URDF of one."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "iiwa14.urdf")
         path.write_text(one_arm(frames=IIWA14, figures=IIWA14_FIGURES))
-        return RobotSpec.from_urdf(path, held_angle=held_angle, capsules="ur5e")
+        return RobotSpec.from_urdf(path, locked_angle=locked_angle, capsules="ur5e")

@@ -86,7 +86,7 @@ def reach_without(graph: StanceGraph, state: State, limb: int, joint: int, goals
     state, chosen = graph.validated_state(state), graph.robot.every_limb[limb]
     if joint > len(chosen.joint_limits):
         raise SettingError(f"joint is {joint}; limb {limb} has {len(chosen.joint_limits)} joints")
-    if chosen.held_joint is None:
+    if chosen.locked_joint is None:
         return _on_the_spot(graph, state, limb, joint, goals)
     robot = _locked(graph, state, [(limb, joint)])[0]
     locked = in_same_world(graph, robot=robot)

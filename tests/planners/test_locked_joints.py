@@ -1,4 +1,4 @@
-"""Plans of robots from URDF whose arms hold joint 3 or 6: a Gen3 and a Franka."""
+"""Plans of robots from URDF whose arms have joint 3 or 6 locked: a Gen3 and a Franka."""
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +12,8 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb import link_frames
 
 HELD = {
-    "franka": (FRANKA, {"held_joint": "joint6", "held_angle": 1.8}),
-    "gen3": (GEN3, {"held_joint": "joint3", "held_angle": 0.3}),
+    "franka": (FRANKA, {"locked_joint": "joint6", "locked_angle": 1.8}),
+    "gen3": (GEN3, {"locked_joint": "joint3", "locked_angle": 0.3}),
 }
 HEIGHTS = {"franka": (0.4, 0.46, 0.52), "gen3": (0.55, 0.6, 0.65)}
 
@@ -35,7 +35,7 @@ def test_every_stance_of_a_plan_is_held_as_pinocchio_has_the_arm(tmp_path, jem, 
 
     def flange(angles):
         """Return the flange by Pinocchio, from angles of the robot's joints."""
-        theirs = np.insert(angles, int(held["held_joint"][-1]) - 1, held["held_angle"])
+        theirs = np.insert(angles, int(held["locked_joint"][-1]) - 1, held["locked_angle"])
         pin.framesForwardKinematics(model, data, theirs)
         return data.oMf[tool].homogeneous.copy()
 
