@@ -112,14 +112,15 @@ def run(args: argparse.Namespace) -> int:
     if args.plan:
         grasp_map = chosen_map(args)
         plan = Plan.load(args.plan, grasp_map)
-        return simulate(args, stance_graph(grasp_map, plan.world.robot, plan.world.settings), plan)
+        with Progress("building the stance graph", quiet=args.quiet):
+            graph = stance_graph(grasp_map, plan.world.robot, plan.world.settings)
+        return simulate(args, graph, plan)
     if args.case:
         setup = default_setup()
         args.start, args.goal = tuple(setup["start"]), tuple(setup["goal"])
         args.cost, args.goal_face = CASES[args.case].cost, setup["goal_face"]
-        graph: StanceGraph = case_graph(
-            args.case, setup, "steps" if args.no_collisions else "collisions"
-        )
+        with Progress("building the stance graph", quiet=args.quiet):
+            graph = case_graph(args.case, setup, "steps" if args.no_collisions else "collisions")
     else:
         graph = chosen_graph(args)
     return simulate(args, graph, find_plan(graph, args).unwrap())
@@ -133,8 +134,8 @@ def simulate(args: argparse.Namespace, graph: StanceGraph, plan: Plan) -> int:
     out, setup = Path(args.out), _setup(args)
     world = plan.world
     simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, args.seed)
-    trajectory = plan_trajectory(graph, plan, setup.timing, 1.0 / args.rate)
     with Progress("steps executed", len(plan.steps), args.quiet) as progress:
+        trajectory = plan_trajectory(graph, plan, setup.timing, 1.0 / args.rate)
         execution = execute(
             graph, plan, setup.timing, progress=progress.show, simulation=simulation
         )

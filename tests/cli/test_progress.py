@@ -86,3 +86,45 @@ def test_a_line_says_while_something_is_compiled(clock, monkeypatch):
     with shown:
         assert progress.displays == [shown]
     assert progress.displays == []
+
+
+CARRY = """carry --robot mlivr3 --cargo 9 0.2 0.2 0.2 --start D3a:8 D3a:1 D3a:4 --pick D2b:3
+--stow F2b:4 --limb 0"""
+LINES = """
+info                      : mlivr_gym.stances.build.list_stances
+simulate --case 3         : mlivr_gym.stances.build.list_stances
+simulate --plan PLAN      : mlivr_gym.stances.build.list_stances
+simulate --plan PLAN      : mlivr_gym.simulation.timing.plan_trajectory
+simulate --plan PLAN      : mlivr_gym.simulation.execution.execute
+plan                      : mlivr_gym.planners.Planner.plan
+plan --refined            : mlivr_gym.planners.Planner.refined
+plan --tolerance 1e-5     : mlivr_gym.planners.Planner.why_not
+render                    : mlivr_gym.cli.render.draw
+build                     : mlivr_gym.cli.build.build_table
+rank                      : mlivr_gym.planners.Planner.plan
+failures                  : mlivr_gym.extensions.failed_joints.failures.reach_without
+suggest                   : mlivr_gym.extensions.why_not.suggest.smallest_changes
+CARRY                     : mlivr_gym.stances.build.list_stances
+CARRY                     : mlivr_gym.extensions.cargo.cargo_mission.CargoMission.execute
+"""
+
+
+class Reached(BaseException):
+    """What takes long has begun."""
+
+
+@pytest.mark.parametrize("line", LINES.strip().splitlines())
+def test_what_takes_long_is_begun_under_a_line_that_says_what_it_is(
+    line, run, monkeypatch, plan_file, tmp_path
+):
+    words, _, place = line.partition(" : ")
+    words = words.replace("PLAN", str(plan_file)).replace("CARRY", CARRY)
+
+    def begun(*_, **__):
+        assert progress.displays
+        raise Reached
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(place.strip(), begun)
+    with pytest.raises(Reached):
+        run(words)

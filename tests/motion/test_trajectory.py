@@ -195,6 +195,9 @@ def test_a_message_of_ros_2_has_its_fields(tmp_path, walk):
     assert message["header"] == {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""}
     assert message["joint_names"][7] == "limb1/joint2"
     assert len(message["points"]) == len(coarse.times)
+    for time in (point["time_from_start"] for point in message["points"]):
+        assert type(time["sec"]) is type(time["nanosec"]) is int  # int32 and uint32
+        assert 0 <= time["nanosec"] < 10**9
     for k in (0, 33, len(coarse.times) - 1):
         point = message["points"][k]
         start = point["time_from_start"]

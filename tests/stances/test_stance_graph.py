@@ -57,6 +57,19 @@ def test_a_step_can_always_be_taken_back(jem, limbs):
         assert (int(steps.limb[k]), before.stance[steps.limb[k]]) in steps_of(graph, state)
 
 
+@pytest.mark.parametrize("name", ["likely_base", "nodes", "postures"])
+def test_what_is_told_of_a_stance_does_not_depend_on_those_asked_with_it(graph, name):
+    def told(stances):
+        found = getattr(graph, name)(stances)
+        return [found] if name == "likely_base" else [*vars(found).values()]
+
+    stances = np.concatenate([graph.points[::97].astype(np.int64), [[0, 1], [2, 300]]])
+    together = told(stances)
+    for k in range(0, len(stances), 5):
+        for alone, among in zip(told(stances[k : k + 1]), together, strict=True):
+            np.testing.assert_array_equal(alone, among[k : k + 1])
+
+
 def test_stance_faults_are_named(graph):
     for stance, words in (
         (("D1a:4",), "must name 2 points"),

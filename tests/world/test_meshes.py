@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError, ShapeError
 from mlivr_gym.world.meshes import largest_excess, merged_cells, mesh_boxes
+from mlivr_gym.world.triangle_cubes import cubes_of_triangles
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -58,6 +59,25 @@ def test_they_cover_the_surface_and_little_more(shape, seed, tmp_path):
     drawn = centres[where] + np.einsum("bij,bj->bi", turns[where], drawn)
     _, away, _ = trimesh.proximity.closest_point_naive(mesh, drawn)
     assert away.max() <= largest_excess(resolution)
+
+
+@pytest.mark.parametrize("shape", ["sphere", "slivers"])
+def test_cubes_of_triangles_are_those_in_which_something_is_left_of_them(shape):
+    """Cut along the faces of a cube, by another library."""
+    triangles = SHAPES[shape]().triangles[:15] * [3.0, 5.0, 8.0] + 0.1
+    for triangle in triangles:
+        low, high = np.floor(triangle.min(axis=0)), np.ceil(triangle.max(axis=0))
+        expected = set()
+        for cube in np.argwhere(np.ones((high - low).astype(int))) + low:
+            left = triangle, np.array([[0, 1, 2]])
+            for inward, corner in ((np.eye(3), cube), (-np.eye(3), cube + 1.0)):
+                for normal in inward:
+                    if len(left[1]):
+                        left = trimesh.intersections.slice_faces_plane(*left, normal, corner)[:2]
+            if len(left[1]):
+                expected.add(tuple(cube.astype(int).tolist()))
+        found = [cubes for cubes, _ in cubes_of_triangles(triangle[None])]
+        assert set(map(tuple, np.concatenate(found).tolist())) == expected
 
 
 @pytest.mark.parametrize("resolution", [0.03, 0.07, 0.5])

@@ -47,7 +47,8 @@ def run(args: argparse.Namespace) -> int:
         mission = plan_cargo_mission(
             graph, args.start, args.pick, args.stow, args.cargo, args.cost, limbs=limbs
         )
-    parts = mission.execute(LIMITS[args.pace])
+    with Progress("carrying", quiet=args.quiet):
+        parts = mission.execute(LIMITS[args.pace])
     print(f"limb {mission.limb} carries; walks of {len(mission.plans[0].steps)} steps to the bag "
           f"and {len(mission.plans[1].steps)} with it")  # fmt: skip
     rows = [

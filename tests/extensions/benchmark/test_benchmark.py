@@ -184,6 +184,9 @@ def test_a_learner_is_held_to_its_budget(monkeypatch, tmp_path):
     assert entry.summary["results"][FAR]["score"] == 1.0
     entry.write(tmp_path)
     check(tmp_path, 2)
+    for policy, seeds in (("Learner", 3), ("first", 1)):  # as its help says
+        told = run(f"{__name__}:{policy}", "100k", None, (FAR,), 1).summary
+        assert told["seeds"] == seeds == len(told["environment_steps"] or "1")
     monkeypatch.setitem(protocol.BUDGETS, "100k", 4)
     with pytest.raises(SettingError, match="the budget of 4 environment steps is spent"):
         run(here, "100k", 1, (FAR,), 1)

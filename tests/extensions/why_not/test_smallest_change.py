@@ -13,7 +13,6 @@ from unreachable import unreachable
 
 from mlivr_gym import Box, GraspMap, Settings, stance_graph
 from mlivr_gym.cli.arguments import numbered_boxes
-from mlivr_gym.cli.main import main
 from mlivr_gym.extensions.why_not import smallest_change
 from mlivr_gym.extensions.why_not.smallest_change import (
     KINDS,
@@ -78,21 +77,23 @@ def test_fewer_obstacles_open_the_way_and_less_does_not(bridge):
     assert without(removed.parts) == removed.steps is not None
 
 
-def test_the_command_says_what_would_help(bridge, tmp_path, capsys):
+def test_the_command_says_what_would_help(bridge, tmp_path, run):
     world, boxes = tmp_path / "bridge.json", boxes_over_bridge()
     bridge.save(world)
     words = ["suggest", "--map", str(world), "--no-manipulability", "--start", *START, "--goal"]
     words += [*map(str, GOAL), "--occupied", "R2:0"]
     for box in boxes:
         words += ["--box", *map(str, box.bounds.ravel())]
-    assert main([*words, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
+    told = json.loads(run(*words, "--json")[1])
     graph = stance_graph(bridge, settings=SETTINGS)
     graph.add_obstacles(numbered_boxes("box", [box.bounds.ravel().tolist() for box in boxes]))
     graph.occupy(["R2:0"])
     found = smallest_changes(graph, START, GOAL)
     assert found
     assert [change["parts"] for change in told["changes"]] == [list(c.parts) for c in found]
+    bridge.subset([point != "R2:0" for point in bridge.ids], "gap").save(world)
+    code, out, _ = run(*words[: words.index("--occupied")])
+    assert (code, out.count("no change")) == (0, 1)
 
 
 @given(st.lists(st.sets(st.integers(0, 8), min_size=1), min_size=1, max_size=6))
