@@ -47,6 +47,8 @@ class Group(NamedTuple):
     """Of each variant, what replaces which names."""
     longer: float = 1.0
     """Factor of the time limit."""
+    walls: bool = False
+    """Whether a wall stands across the cabin, every second one up to its ceiling."""
 
 
 def stages(*kept: int, weight_3: bool = True, **replaced: Any) -> dict[str, Any]:
@@ -97,6 +99,7 @@ LABORATORY = {
 
 GROUPS = {
     "two limbs, boxes": Group({}, 3, 0, ("steps", "base"), FEW_LIMBS),
+    "two limbs, walls": Group({}, 0, 0, ("steps", "base"), FEW_LIMBS, 3.0, walls=True),
     **{
         f"{name} limbs, {world}": Group({"robot": robot}, boxes, points, ("steps",), MANY_LIMBS)
         for name, robot in (("three", "mlivr3"), ("four", "mlivr4"))
@@ -126,6 +129,12 @@ def drawn(group: Group, count: int) -> Iterator[Drawn]:
             centre = here + rng.uniform(0.3, 0.7) * (goal - here) + rng.uniform(-0.3, 0.3, 3)
             half = tuple(rng.uniform(0.05, 0.15, 3).tolist())
             boxes.append(Box(f"box{k}", "obstacle", tuple(centre.tolist()), half))
+        if group.walls:
+            x = float(here[0] + rng.uniform(0.3, 0.7) * (goal[0] - here[0]))
+            top = 1.1 if count % 2 else float(rng.uniform(0.0, 0.5))
+            boxes.append(
+                Box.between("wall", "obstacle", (x - 0.1, -1.1, -1.1), (x + 0.1, 1.1, top))
+            )
         points = rng.permutation(len(graph.grasp_map))
         points = points[~np.isin(points, start.stance)][: group.points]
         graph.add_obstacles(boxes)
