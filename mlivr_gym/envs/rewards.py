@@ -86,12 +86,16 @@ class CostReward:
 
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return minus the cost."""
-        metres = np.where(outcome.valid, outcome.displacement, outcome.max_displacement)
+        metres, most = outcome.displacement, outcome.max_displacement
+        if not isinstance(outcome.valid, bool):
+            metres = np.where(outcome.valid, metres, most)
+        elif not outcome.valid:  # of one step `where` takes ten times as long
+            metres = most
         costs = self.cost.base_weight * metres + self.cost.step_weight
         if self.cost.prices is not None:
-            stances = np.reshape(outcome.stance, (metres.size, -1))
+            stances = np.reshape(outcome.stance, (np.size(metres), -1))
             prices = self.cost.prices_of(stances, np.atleast_1d(outcome.point))
-            costs = costs + outcome.valid * prices.reshape(metres.shape)
+            costs = costs + outcome.valid * prices.reshape(np.shape(metres))
         return -costs
 
     def to_dict(self) -> dict[str, Any]:
