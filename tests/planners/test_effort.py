@@ -47,27 +47,6 @@ def test_what_is_told_is_true_and_does_not_depend_on_the_clock(graph, cost, monk
     assert exact
 
 
-@pytest.mark.parametrize("cost", ["steps", "base"])
-@pytest.mark.parametrize("how", [("dijkstra", None, None), ("greedy", "paper", None),
-                                 ("greedy", "consistent", None), ("astar", "paper", 1.5),
-                                 ("astar", "zero", 1.0)])  # fmt: skip
-def test_a_limit_that_is_not_reached_changes_nothing_in_the_order_that_was_chosen(graph, how, cost):
-    rng = np.random.default_rng(9)
-    for _ in range(3):
-        start, other = random_state(graph, rng), random_state(graph, rng)
-        goal = graph.posture_of(other).base_position[0]
-        free, limited = (
-            Planner(graph).plan(
-                start, goal, cost, goal_tolerance=0.05,
-                options=SearchOptions(method, heuristic, inflation=inflation, effort=effort),
-            )
-            for method, heuristic, inflation in [how]
-            for effort in (None, 10**9)
-        )  # fmt: skip
-        assert (free.reason, free.expanded) == (limited.reason, limited.expanded)
-        assert free.plan is None or free.plan.actions == limited.plan.actions
-
-
 def _hours():
     """A clock that shows an hour more whenever it is read."""
     now = [0.0]

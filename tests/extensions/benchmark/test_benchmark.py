@@ -179,8 +179,8 @@ def test_all_files_of_an_entry_are_written_or_none(greedy, tmp_path, name):
 
 def test_a_learner_is_held_to_its_budget(monkeypatch, tmp_path):
     here = f"{__name__}:Learner"
-    entry = run(here, "100k", 2, (FAR,), 2)
-    assert entry.summary["environment_steps"] == [5, 5]
+    entry = run(here, "100k", 2, ("MLIVR-JEM-v0", FAR), 2)
+    assert entry.summary["environment_steps"] == [5, 5, 5, 5]
     assert entry.summary["results"][FAR]["score"] == 1.0
     entry.write(tmp_path)
     check(tmp_path, 2)

@@ -3,10 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
+import pinocchio
 import pytest
 from pinocchio_loads import loads_of
 
-from mlivr_gym.extensions.cargo.arm_motion import limb_trajectory
+from mlivr_gym.extensions.cargo.arm_motion import LINE_SAMPLES, LimbMover, limb_trajectory
+from mlivr_gym.extensions.cargo.cargo_mission import point_handle
 from mlivr_gym.simulation.limits import Limits
 
 LOOSE = Limits(1.0, 1.0, 1e5, 1e5)
@@ -38,3 +40,29 @@ def test_each_line_reaches_the_limit_that_decides(checked_graph, walk, name, val
         largest = {key: float(each[line].max()) for key, each in shares.items()}
         assert largest.pop(name) == pytest.approx(1.0, abs=0.01)
         assert max(largest.values()) < 1.0
+
+
+def test_each_line_to_a_point_ends_there_and_lies_along_its_normal(checked_graph, walk):
+    """By Pinocchio; with the joint angles at the point given, those are its end."""
+    position, quaternion, joints = walk.configuration(0)
+    mover, found = LimbMover(checked_graph, 0, ()), 0
+    mover.stand(position, quaternion, joints)
+    free = pinocchio.JointModelFreeFlyer()
+    model = pinocchio.buildModelFromXML(checked_graph.robot.to_urdf(), free)
+    data, grasp_map = model.createData(), checked_graph.grasp_map
+    tip = model.getFrameId("limb0/grasp")
+    q = np.concatenate([position, np.roll(quaternion, -1), joints.ravel()])
+    heights = np.linspace(checked_graph.robot.lift, 0.0, LINE_SAMPLES)
+    for k in np.linalg.norm(grasp_map.positions - position, axis=1).argsort()[:60]:
+        handle = point_handle(grasp_map, grasp_map.ids[k])
+        for line in mover.reaches(handle):
+            for height, angles in zip(heights, line, strict=True):
+                q[7:13] = angles
+                pinocchio.framesForwardKinematics(model, data, q)
+                place = handle.point + height * handle.normal
+                np.testing.assert_allclose(data.oMf[tip].translation, place, atol=1e-6)
+            (again,) = mover.reaches(handle, line[-1])
+            np.testing.assert_allclose(again, line, atol=1e-9)
+            assert not mover.reaches(handle, line[-1] + 0.01)
+            found += 1
+    assert found > 10
