@@ -113,7 +113,8 @@ class Description:
         """Links and sites by their names; a site comes before a link of the same name."""
         for site in map(model.site, range(model.nsite)):
             place = rigid(axes_of(site.quat), site.pos)
-            self.tools[site.name] = Tool(int(site.bodyid[0]), place, site.name)
+            if site.name:  # one without a name cannot be asked for
+                self.tools[site.name] = Tool(int(site.bodyid[0]), place, site.name)
         for body in range(1, model.nbody):
             name = self.name_of(body)
             self.tools.setdefault(name, Tool(body, np.eye(4), name))
