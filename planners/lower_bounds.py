@@ -208,14 +208,11 @@ class LowerBounds:
         table, count = self.table, len(self.table.points)
         if len(starts) > MAX_STARTS:
             return np.where(forbidden, np.inf, 0.0)
-        squared_distance: Array = np.full(count, np.inf)
+        start_bounds: Array = np.full(count, np.inf)
         for start in table.base_position[starts]:
             clock.check()
-            offset = table.base_position - start
-            np.minimum(
-                squared_distance, np.einsum("ij,ij->i", offset, offset), out=squared_distance
-            )
-        start_bounds = cost.base_weight * np.sqrt(squared_distance)
+            np.minimum(start_bounds, distances(table.base_position, start), out=start_bounds)
+        start_bounds *= cost.base_weight
         if cost.step_weight:
             # Pairs of nodes are symmetric, so this is also the number of steps from the starts.
             is_start, no_starts = np.zeros(count, dtype=np.bool_), np.zeros(0, dtype=np.int64)

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.limb_branch_sets import packed
+from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
 from mlivr_gym.planners.backward_search import MIN_COST_OUTSIDE_GOAL
 from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import Cost
@@ -330,13 +330,18 @@ class TableSearch(PathSearch):
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
         points = relabelled(present.table.points[path.nodes].astype(np.int64), relabellings)
+        kept, sets = present.kept(edges), [self._origins.branch_sets[path.origin : path.origin + 1]]
+        for k in range(len(edges)):
+            some = slice(k, k + 1)
+            sets.append(present.branch_sets_after(edges[some], sets[k], kept[some]))
+            if not sets[-1][0]:
+                return None
+        branch_sets = relabelled(unpacked(np.concatenate(sets), points.shape[1]), relabellings)
         start = self._origin_paths[path.origin]
-        states = self.graph.states_along(start.states[-1], [*map(tuple, points[1:].tolist())])
-        if len(states) < len(points):
-            return None
-        positions = self.graph.postures_of(states[1:]).base_position if len(states) > 1 else ()
-        every = np.concatenate([start.positions, np.reshape(positions, (-1, 3))])
-        return StatePath((*start.states, *states[1:]), every)
+        both = zip(points[1:].tolist(), branch_sets[1:].tolist(), strict=True)
+        states = [State(tuple(stance), tuple(after)) for stance, after in both]
+        positions = self.graph.postures(points[1:]).base_position if states else np.zeros((0, 3))
+        return StatePath((*start.states, *states), np.concatenate([start.positions, positions]))
 
     def _check_edges(self, edges: IntArray) -> None:
         """Check edges in pieces of the clock, shape (k,)."""

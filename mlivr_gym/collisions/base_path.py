@@ -135,8 +135,14 @@ def base_path(first: Pose, last: Pose) -> BasePath:
     return out
 
 
-def base_poses(path: BasePath, s: Array) -> tuple[Array, Array]:
-    """Return base positions (k, 3) [m] and rotations (k, 3, 3) at path parameters, shape (k,)."""
+def base_rows(path: BasePath, s: Array) -> Any:
+    """Return base poses in the world, rows of `Pose`, at path parameters 0 to 1, shape (k,)."""
     out = Pose.rows(len(s))
     poses_along(path, np.ascontiguousarray(s, dtype=np.float64), out)
+    return out
+
+
+def base_poses(path: BasePath, s: Array) -> tuple[Array, Array]:
+    """Return base positions (k, 3) [m] and rotations (k, 3, 3) at path parameters, shape (k,)."""
+    out = base_rows(path, s)
     return out["position"], out["rotation"]

@@ -93,15 +93,15 @@ def frames_at(steps: Array, sense: Array, angles: Array) -> Array:
     The steps are frames (6, 4, 4), each in the one before, the joint angles have shape (..., 6)
     [rad].
     """
+    turned, turns = np.zeros((*angles.shape, 4, 4)), sense * angles
+    turned[..., 0, 0] = turned[..., 1, 1] = np.cos(turns)
+    turned[..., 1, 0] = np.sin(turns)
+    turned[..., 0, 1] = -turned[..., 1, 0]
+    turned[..., 2, 2] = turned[..., 3, 3] = 1.0
     frames = np.empty((*angles.shape[:-1], 7, 4, 4))
-    frames[..., 0, :, :] = np.eye(4)
-    for k in range(6):
-        turned, turns = np.zeros((*angles.shape[:-1], 4, 4)), sense[k] * angles[..., k]
-        turned[..., 0, 0] = turned[..., 1, 1] = np.cos(turns)
-        turned[..., 1, 0] = np.sin(turns)
-        turned[..., 0, 1] = -turned[..., 1, 0]
-        turned[..., 2, 2] = turned[..., 3, 3] = 1.0
-        frames[..., k + 1, :, :] = frames[..., k, :, :] @ (steps[k] @ turned)
+    frames[..., 0, :, :], frames[..., 1:, :, :] = np.eye(4), steps @ turned
+    for k in range(1, 7):
+        frames[..., k, :, :] = frames[..., k - 1, :, :] @ frames[..., k, :, :]
     return frames
 
 

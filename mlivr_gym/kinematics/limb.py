@@ -119,22 +119,27 @@ def joints_along(
     number of poses from the first on at which the branch exists. `robots` is a row of `RobotModel`.
     """
     out = Angles.rows(max(len(bases), len(flanges)))
-    _angles_along(robots, i, bases, flanges, branch, out)
-    joints: Array = out["q"]
-    gone = np.flatnonzero(np.isnan(joints[:, 0]))
-    joints = np.unwrap(joints[: gone[0] if len(gone) else None], axis=0)
-    if len(joints):
-        period = np.array([TURN] * 5 + [0.5 * TURN])
-        joints += period * np.round((reference - joints[0]) / period)
+    count = _angles_along(robots, i, bases, flanges, branch, reference, out)
+    joints: Array = out["q"][:count]
     return joints
 
 
 @late_entry
-def _angles_along(robots: Any, i: int, bases: Any, flanges: Any, branch: int, out: Any) -> None:
-    """Fill rows of `Angles` with those at many poses, NaN where the branch does not exist."""
-    limb = robots[0].limbs[i]
+def _angles_along(
+    robots: Any, i: int, bases: Any, flanges: Any, branch: int, reference: Array, out: Any
+) -> int:
+    """Fill rows of `Angles` as `joints_along` does; return how many."""
+    limb, flip = robots[0].limbs[i], 0.0
     for k in range(len(out)):
         base, flange = bases[min(k, len(bases) - 1)], flanges[min(k, len(flanges) - 1)]
-        if not angles_at(limb, base, flange, branch, SINGULAR_TOO, out[k].q):
-            for joint in range(6):
-                out[k].q[joint] = np.nan
+        q = out[k].q
+        if not angles_at(limb, base, flange, branch, SINGULAR_TOO, q):
+            return k
+        # The reference tells the flip, which is kept: half a turn of joint 6 or none.
+        if k == 0:
+            flip = np.rint((reference[5] - q[5]) / (0.5 * TURN)) * (0.5 * TURN)
+        q[5] += flip
+        for joint in range(6):
+            before = reference[joint] if k == 0 else out[k - 1].q[joint]
+            q[joint] += TURN * np.rint((before - q[joint]) / TURN)
+    return len(out)

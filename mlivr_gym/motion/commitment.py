@@ -19,6 +19,7 @@ import numpy as np
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.compiled.bit_sets import BRANCHES, bits_of
 from mlivr_gym.errors import PlanError
+from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.kinematics.poses import quaternion
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.paper_motion import paper_path
@@ -67,8 +68,10 @@ def commitments(graph: StanceGraph, ends: StepEnds) -> Iterator[Committed]:
     supports = FollowingSupports(graph, ends)
     finder = SwingFinder(graph, ends, supports)
     for swing in finder.swings(lifts[0][-1], lifts[1][-1]):
-        parts = [supports.knots(a, b) for a, b in pairwise(swing.knots)]
-        yield Committed(step_path(graph, ends, lifts, parts), swing.kind)
+        parts = [ends.joints[:1]]
+        for a, b in pairwise(swing.knots):
+            parts.append(supports.knots(a, b, parts[-1][-1]))
+        yield Committed(step_path(graph, ends, lifts, parts[1:]), swing.kind)
 
 
 def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
@@ -81,7 +84,7 @@ def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
             return paper_path(graph, ends)
         lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
         above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
-        return step_path(graph, ends, lifts, [FollowingSupports(graph, ends).knots(*above)])
+        return step_path(graph, ends, lifts, [FollowingSupports(graph, ends).knots(*above, ends.joints[0])])
     except PlanError:
         return None
 
@@ -226,15 +229,14 @@ class _MotionDraft:
 
     def step(self, k: int, committed: Committed) -> Step:
         """Return step `k` in the form in which a plan stores it."""
-        before, after = (self.graph.ids(self.states[n].stance) for n in (k, k + 1))
-        positions = self.postures.base_position
+        ids, positions = self.graph.grasp_map.ids, self.postures.base_position
         limb = moving_limb(self.states[k].stance, self.states[k + 1].stance)
         step = Step(
             limb=limb,
-            from_point=before[limb],
-            to_point=after[limb],
+            from_point=ids[self.points[k, limb]],
+            to_point=ids[self.points[k + 1, limb]],
             leader=int(limb == 0),
-            displacement=float(np.linalg.norm(positions[k + 1] - positions[k])),
+            displacement=distance(positions[k + 1], positions[k]),
         )
         if committed.path is None:
             return step
@@ -254,8 +256,11 @@ def _twists(graph: StanceGraph, points: IntArray, postures: Postures) -> Array:
 
     They are the columns of `SA`, see `manipulability`, with NaN where the branch does not exist.
     """
-    robot, every = graph.robot, [np.full(points.shape, branch) for branch in range(BRANCHES)]
-    joints = np.stack([graph.joints(points, postures, bits) for bits in every], axis=2)
+    robot, (count, limbs) = graph.robot, points.shape
+    stances = np.repeat(np.arange(count), BRANCHES)
+    bits = np.tile(np.arange(BRANCHES), count)[:, None] + np.zeros(limbs, dtype=np.int64)
+    joints = graph.joints(points[stances], postures.take(stances), bits)
+    joints = joints.reshape(count, BRANCHES, limbs, 6).swapaxes(1, 2)
     frames = [link_frames(limb, joints[:, i]) for i, limb in enumerate(robot.every_limb)]
     links = robot.mount_rotations[:, None, None] @ np.stack(frames, axis=1)[..., 1:, :3, :]
     axes, places = links[..., 2], links[..., 3] + robot.mount_positions[:, None, None]

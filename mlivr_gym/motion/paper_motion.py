@@ -12,9 +12,10 @@ import numpy as np
 import scipy
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.base_path import BasePath, base_poses
+from mlivr_gym.collisions.base_path import BasePath, base_rows
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
+from mlivr_gym.kinematics.poses import poses
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.straight_base import (
@@ -44,7 +45,7 @@ def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
     Raises a `PlanError` if a limb cannot follow.
     """
     path, limb = path_of(ends), ends.limb
-    if _jumps(support_joints(graph, ends, path, SAMPLES)):
+    if _jumps(support_joints(graph, ends, path, SAMPLES, ends.joints[0])):
         return None
     lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
     first, last = lifts[0][-1], lifts[1][-1]
@@ -52,7 +53,7 @@ def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
     is_straight = _is_feasible(graph, limb, swing, last)
 
     def curve(sigma: Array) -> Array:
-        joints = support_joints(graph, ends, path, sigma)
+        joints = support_joints(graph, ends, path, sigma, ends.joints[0])
         line = first + sigma[:, None] * (last - first)
         joints[:, limb] = swing(sigma) if is_straight else line
         return joints
@@ -76,7 +77,7 @@ def _straight_swing(graph: StanceGraph, ends: StepEnds, path: BasePath, first: A
         rotations = (tools[0] * turns).as_matrix()
         grasps = above[0] + sigma[:, None] * (above[1] - above[0])
         flange = grasps - graph.robot.tool_length * rotations[:, :, 2], rotations
-        return follow(graph, ends, one, flange, base_poses(path, sigma))
+        return follow(graph, ends, one, poses(*flange), base_rows(path, sigma))
 
     return at
 

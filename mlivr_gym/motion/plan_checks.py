@@ -216,14 +216,13 @@ def _check_steps(graph: StanceGraph, motion: Motion, expected: CommittedMotion) 
         k = expected.failed or 0
         raise _mismatch(f"motion.steps[{k}].swing", motion.steps[k].swing, "no swing that is clear")
     for name in ("branches", "joint_positions", "w_m", "w_b"):
-        here, there = (getattr(one, name).tolist() for one in (motion, expected.motion))
-        _compare(f"motion.{name}", here, there)
+        _compare(f"motion.{name}", *(getattr(one, name) for one in (motion, expected.motion)))
     for k, step in enumerate(motion.steps):
         place = f"motion.steps[{k}]"
         if step.swing != "unchecked":
             path, holds = motion.joint_path(graph.robot, k), motion.joint_positions[k : k + 2]
             for end, hold in ((0, holds[0]), (len(path.knots) - 1, holds[1])):
-                _compare(f"{place}.knots[{end}]", path.knots[end].tolist(), hold.tolist())
+                _compare(f"{place}.knots[{end}]", path.knots[end], hold)
             _check_joint_path(place, path)
         _compare(place, vars(step), vars(_same_swing(graph, expected, k, step)))
 
@@ -266,12 +265,14 @@ def _same_swing(graph: StanceGraph, expected: CommittedMotion, k: int, step: Ste
 
 def _is_along(step: Step, other: Step) -> bool:
     """Return whether two steps have the same knots, up to rounding."""
-    here, there = np.array(step.knots), np.array(other.knots)
+    here, there = step.knots, other.knots
     return here.shape == there.shape and bool(np.abs(here - there).max(initial=0.0) <= TOLERANCE)
 
 
 def _compare(path: str, given: Any, expected: Any) -> None:
     """Raise an error at the first value, in nested data too, that differs from the expected one."""
+    if isinstance(given, np.ndarray):
+        given, expected = given.tolist(), expected.tolist()
     if isinstance(given, dict):
         for name, value in given.items():
             _compare(f"{path}.{name}", value, expected[name])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from itertools import pairwise
 from typing import Any
@@ -80,7 +81,7 @@ def step_fields(limbs: int) -> Struct[Step]:
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
             "rests": ListOf(Integer(0, MAX_PARTS), 0, MAX_PARTS),
-            "knots": Tuples((None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
+            "knots": Numbers((None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
         },
         complete=True,
     )
@@ -116,12 +117,14 @@ def plan_data(query: Query, world: World, motion: Motion, statistics: Statistics
         "settings": asdict(world.settings),
     }  # fmt: skip
     values = {field.name: getattr(motion, field.name) for field in fields(motion)}
-    data["motion"] = {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in values.items()
-    } | {"steps": [dict(vars(step)) for step in motion.steps]}
+    data["motion"] = _listed(values) | {"steps": [_listed(vars(step)) for step in motion.steps]}
     data["statistics"] = asdict(statistics)
     return data | {"checksum": checksum(data)}
+
+
+def _listed(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values with lists in place of arrays."""
+    return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in values.items()}
 
 
 def read_parts(data: Any) -> tuple[Query, World, Motion, Statistics]:
@@ -162,7 +165,7 @@ def _check_joint_path(place: FieldPath, step: Step) -> None:
     """
     if step.leader == step.limb:
         raise place.field("leader").fault(f"is {step.leader}, the limb that moves")
-    if step.knots or step.rests or step.swing != "unchecked":
+    if len(step.knots) or step.rests or step.swing != "unchecked":
         rests, rising = step.rests, all(a < b for a, b in pairwise(step.rests))
         if len(rests) < 4 or not rising or (rests[0], rests[-1]) != (0, len(step.knots) - 1):
             raise place.field("rests").fault(

@@ -35,7 +35,7 @@ COUNT = Integer(0, 1 << 62)
 """Validator of a number of states."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Step:
     """One regrasp, with the joint path by which it is carried out, see `joint_path`."""
 
@@ -54,15 +54,14 @@ class Step:
     rests: tuple[int, ...] = ()
     """Indices of the knots at which the robot is at rest: the first and the last, and those between
     departure, parts of the swing, and approach."""
-    knots: tuple[tuple[tuple[float, ...], ...], ...] = ()
-    """Knots of the joint path: joint angles of all limbs, the control points of their spline [rad].
-    There are none if steps are not checked and the limbs cannot follow."""
+    knots: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
+    """Knots of the joint path: joint angles of all limbs, the control points of their spline, shape
+    (k, N, 6) [rad]. There are none if steps are not checked and the limbs cannot follow."""
 
 
 def step_along(step: Step, path: JointPath, swing: str) -> Step:
     """Return a step along a joint path with a swing of a kind."""
-    knots = tuple(tuple(map(tuple, knot)) for knot in path.knots.tolist())
-    return replace(step, leader=path.leader, swing=swing, rests=path.rests, knots=knots)
+    return replace(step, leader=path.leader, swing=swing, rests=path.rests, knots=path.knots)
 
 
 @dataclass(frozen=True)
@@ -160,7 +159,7 @@ class Motion:
             count = len(self.steps)
             raise PlanError(f"the plan has no step {index}; it has {count}, counted from 0")
         step = self.steps[index]
-        if not step.knots:
+        if not len(step.knots):
             raise PlanError(
                 f"step {index} has no joint path: its steps were not checked, and a limb cannot "
                 "follow the base"

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.collisions.base_path import BasePath, base_path, base_poses
+from mlivr_gym.collisions.base_path import BasePath, base_path, base_rows
 from mlivr_gym.collisions.joint_lines import JointLine
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.scratch import ScratchPool
@@ -28,11 +28,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.steps import KEPT_CLEAR, line_clear
 
-WINDING_SAMPLES = 65
-"""Base poses from which support limbs are followed up to the first one asked for."""
-
-
-FEWEST_PIECES, MOST_PIECES = 8, 512
+FEWEST_PIECES, MOST_PIECES = 16, 512
 """Fewest and most pieces of the spline of a segment while the base moves."""
 
 LINES = ScratchPool(LineScratch)
@@ -50,6 +46,8 @@ class FollowingSupports:
         self._graph, self._ends, self._path = graph, ends, path_of(ends)
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._line = line = JointLine.row()
+        self._first, self._last = line["first"]["q"], line["last"]["q"]
+        self._way: tuple[float, float] | None = None
         out = Angles.rows(1, graph.limbs)
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
@@ -64,27 +62,38 @@ class FollowingSupports:
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance on the line between two swing knots."""
-        limb, line, ends = self._ends.limb, self._line, self._ends
-        line["moves"] = a[0] != b[0]
-        if line["moves"]:
-            line["path"] = base_path(*map(pose, *base_poses(self._path, np.array([a[0], b[0]]))))
-        else:  # before the base moves, or after it
-            side = int(a[0])
-            line["base"] = pose(ends.positions[side], ends.rotations[side])
-            line["first"]["q"][: len(ends.joints[side])] = ends.joints[side]
-            line["last"]["q"][: len(ends.joints[side])] = ends.joints[side]
-        line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
+        if self._way != (a[0], b[0]):
+            self._set_way(float(a[0]), float(b[0]))
+        limb = self._ends.limb
+        self._first[limb], self._last[limb] = a[1:], b[1:]
         with LINES.borrowed() as rows:
             lines = rows(1)
-            lines[0]["line"] = line
+            lines[0]["line"] = self._line
             return bool(line_clear(limb, self._robots, self._world, lines))
 
-    def knots(self, a: Array, b: Array) -> Array:
-        """Return the knots from one swing knot to the next, shape (k, N, 6) [rad]."""
+    def _set_way(self, s: float, to: float) -> None:
+        """Let the base move from one of its places to another, or rest before or after it moves."""
+        line, ends, self._way = self._line, self._ends, (s, to)
+        line["moves"] = s != to
+        if (s, to) == (0.0, 1.0):
+            line["path"] = self._path
+        elif s != to:
+            line["path"] = base_path(*base_rows(self._path, np.array([s, to])))
+        else:
+            side = int(s)
+            line["base"] = pose(ends.positions[side], ends.rotations[side])
+            for angles in (self._first, self._last):
+                angles[: len(ends.joints[side])] = ends.joints[side]
+
+    def knots(self, a: Array, b: Array, here: Array) -> Array:
+        """Return the knots from one swing knot to the next, shape (k, N, 6) [rad].
+
+        Joint angles at the first have shape (N, 6).
+        """
 
         def curve(sigma: Array) -> Array:
             rows = a + sigma[:, None] * (b - a)
-            joints = support_joints(self._graph, self._ends, self._path, rows[:, 0])
+            joints = support_joints(self._graph, self._ends, self._path, rows[:, 0], here)
             joints[:, self._ends.limb] = rows[:, 1:]
             return joints
 
@@ -99,23 +108,22 @@ def path_of(ends: StepEnds) -> BasePath:
     return base_path(first, last)
 
 
-def support_joints(graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array) -> Array:
+def support_joints(
+    graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array, here: Array
+) -> Array:
     """Return joint angles while the base moves, at base parameters s, shape (k, N, 6) [rad].
 
-    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it. The support
-    limbs hold their points on their branches; the moving limb is as it is before the step. Raises a
-    `PlanError` if a support limb cannot follow the base.
+    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it; `here`, shape
+    (N, 6), are joint angles at the first. The support limbs hold their points on their branches;
+    the moving limb stays as it is. Raises a `PlanError` if a support limb cannot follow the base.
     """
-    # Windings are known where the base has not moved.
-    lead_in = np.linspace(0.0, s[0], WINDING_SAMPLES if s[0] > 0.0 else 1)
-    base = base_poses(path, np.concatenate([lead_in, s]))
-    joints = np.tile(ends.joints[0], (len(s), 1, 1))
+    bases, joints = base_rows(path, s), np.empty((len(s), *here.shape))
+    joints[:, ends.limb] = here[ends.limb]
     for limb, point in enumerate(ends.before):
         if limb != ends.limb:
-            flange = graph.solver.grasps[point]["flange"]
-            held = flange["position"][None], flange["rotation"][None]
-            one = Follower(limb, ends.branches[limb], ends.joints[0, limb])
-            joints[:, limb] = follow(graph, ends, one, held, base)[len(lead_in) :]
+            held = graph.solver.grasps[point : point + 1]["flange"]
+            one = Follower(limb, ends.branches[limb], here[limb])
+            joints[:, limb] = follow(graph, ends, one, held, bases)
     return joints
 
 
@@ -133,19 +141,27 @@ def dense_knots(
         robot, ends.limb, leader, ends.positions[0], ends.rotations[0], ends.joints[:1], (0,)
     )
     radii, pieces = lever_arms(robot, leader) / tolerance, FEWEST_PIECES
+    others = [limb for limb in range(robot.limbs) if limb != leader]
     while True:
-        places = control_places(pieces + CUBIC)
-        joints = curve(np.sort(np.append(places, 0.5 * (places[1:] + places[:-1]))))
+        joints = curve(_places_and_middles(pieces))
         knots, lines = joints[::2], 0.5 * (joints[2::2] + joints[:-2:2])
-        moved = (np.abs(lines - joints[1::2]) * radii).sum(axis=-1)
+        moved = np.einsum("kij,ij->ki", np.abs(lines - joints[1::2]), radii)
         # What a limb does comes on top of where the leader puts the base.
-        far = moved[:, leader] + np.delete(moved, leader, axis=1).max(axis=1)
+        far = moved[:, leader] + moved[:, others].max(axis=1)
         # The spline is off by up to 4 / 3 of what lines are.
         slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
         off = max(4.0 / 3.0 * float(far.max()), slip)
         if off <= 1.0 or pieces == MOST_PIECES:
             return knots
-        pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
+        pieces = min(MOST_PIECES, int(np.ceil(1.15 * pieces * np.sqrt(off))))
+
+
+@lru_cache(maxsize=MOST_PIECES)
+def _places_and_middles(pieces: int) -> Array:
+    """Return the places of the control points of a spline of some pieces, and between them."""
+    places = control_places(pieces + CUBIC)
+    every: Array = np.sort(np.append(places, 0.5 * (places[1:] + places[:-1])))
+    return every
 
 
 class Follower(NamedTuple):
@@ -160,14 +176,14 @@ def follow(
     graph: StanceGraph,
     ends: StepEnds,
     one: Follower,
-    flange: tuple[Array, Array],
-    base: tuple[Array, Array],
+    flanges: Any,
+    bases: Any,
 ) -> Array:
     """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
 
-    Raises a `PlanError` if the branch ends.
+    The poses are rows of `Pose`. Raises a `PlanError` if the branch ends.
     """
-    bases, flanges, robots = poses(*base), poses(*flange), graph.checks.robots
+    robots = graph.checks.robots
     joints = joints_along(robots, one.limb, bases, flanges, one.branch, one.joints)
     if len(joints) < max(len(bases), len(flanges)):
         target = graph.grasp_map.ids[ends.to_point]

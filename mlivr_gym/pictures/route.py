@@ -38,7 +38,7 @@ def base_paths(plan: Plan) -> list[Array]:
     ends, paths = plan.motion.base_positions, []
     for k, step in enumerate(plan.steps):
         walked = ends[k : k + 2]
-        if step.knots:
+        if len(step.knots):
             walked = plan.joint_path(k).samples(SAMPLES).base_positions
         moved = np.linalg.norm(np.diff(walked, axis=0), axis=1) > SAME_PLACE
         paths.append(walked[np.append(True, moved)])

@@ -141,7 +141,7 @@ def test_lines_and_splines_stay_close_to_what_was_checked(steps):
         away.append(np.linalg.norm(gap[:, :, 0], axis=-1).max())
         ends = StepEnds.of(graph, motion, number)
         s = np.linspace(0.0, 1.0, 4001)
-        exact = support_joints(graph, ends, path_of(ends), s)
+        exact = support_joints(graph, ends, path_of(ends), s, ends.joints[0])
         for joints in (path.knots, splines):  # somewhere on the base path there is such a posture
             for q in joints[::7, path.leader]:
                 near = np.abs(exact[:, path.leader] - q).max(axis=1)

@@ -137,7 +137,7 @@ def with_knots(plan, knots):
 
 
 def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
-    beyond = np.array(plan.steps[0].knots)
+    beyond = plan.steps[0].knots.copy()
     beyond[:, 1 - plan.steps[0].limb, 0] += 4.0 * np.pi
     with pytest.raises(PlanError, match="outside its limits"):
         step_trajectory(checked_graph, with_knots(plan, beyond.tolist()), 0, period=0.1)
