@@ -25,12 +25,11 @@ from mlivr_gym import Box, Settings, State, stance_graph
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import GoalError, StanceError
 from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner
-from mlivr_gym.planners.search_stages import OBSTACLE_STAGES, STAGES
 from mlivr_gym.stances import StanceGraph
+from mlivr_gym.stances.present_table import LOOK, PresentTable
 
 PLANNERS, TABLE = "mlivr_gym.planners", "mlivr_gym.planners.table_search"
-LAST, FIRST_WEIGHTED, SECOND_WEIGHTED = -1, 0, 1
-"""Stages of a search over a table of more than two limbs."""
+PRESENT = "mlivr_gym.stances.present_table.PresentTable"
 
 
 class Group(NamedTuple):
@@ -51,44 +50,34 @@ class Group(NamedTuple):
     """Whether a wall stands across the cabin, every second one up to its ceiling."""
 
 
-def stages(*kept: int, weight_3: bool = True, **replaced: Any) -> dict[str, Any]:
-    """Return the patches that leave some stages, and replace parameters of the weighted ones."""
-    some = tuple(STAGES[k] if k == LAST else STAGES[k]._replace(**replaced) for k in kept)
-    first = OBSTACLE_STAGES[:1] if weight_3 else ()
-    return {f"{TABLE}.STAGES": some, f"{TABLE}.OBSTACLE_STAGES": (*first, *some)}
+def weights(*among_obstacles: float, free: tuple[float, ...] = (1.3,)) -> dict[str, Any]:
+    """Return the patches that let the stages before the last one have other weights."""
+    return {f"{TABLE}.AMONG_OBSTACLES": among_obstacles, f"{TABLE}.FREE": free}
+
+
+def looked_alone(present: PresentTable, nodes: Any, least: int) -> None:
+    """Take every look for granted until a path leads over its edge."""
+    present.doubts[nodes] = np.maximum(present.doubts[nodes], min(least, LOOK))
 
 
 ALL: dict[str, Any] = {}
 FEW_LIMBS = {
     "all": ALL,
-    "no searches from the goal": {f"{TABLE}.TableSearch._backward_bounds": lambda _, h, limit: h},
-    "no search of weight 1.1 before a large one": {f"{TABLE}.FIRST_WEIGHT": 1.0},
-    "no checks beside blocked edges": {
-        "mlivr_gym.stances.present_table.PresentTable.beside": lambda _, edges: edges[:0]
-    },
-    "no looks before checks": {
-        "mlivr_gym.stances.present_table.PresentTable.kept_at_most": lambda self, e: self.kept(e)
-    },
-    "nodes are not all checked": {f"{TABLE}.CUT_OFF_LIMIT": -1},
+    "last stage alone": weights(),
+    "no stage of weight 3": weights(1.3),
+    "no looks before checks": {f"{PRESENT}.look": lambda present, edges: present.kept(edges)},
+    "blocked edges raise no doubts": {f"{PRESENT}._doubt": looked_alone},
+    "nodes are not all checked": {f"{TABLE}.BEFORE_NODES": 10**9},
 }
 MANY_LIMBS = {
     "all": ALL,
-    "last stage alone": stages(LAST, weight_3=False),
-    "no stage of weight 3": stages(FIRST_WEIGHTED, SECOND_WEIGHTED, LAST, weight_3=False),
-    "no stage of weight 1.3": stages(SECOND_WEIGHTED, LAST),
-    "no stage of weight 1.1": stages(FIRST_WEIGHTED, LAST),
-    "no stage of weight 1.3 or 1.1": stages(LAST),
-    "all labels in weighted stages": stages(
-        FIRST_WEIGHTED, SECOND_WEIGHTED, LAST, labels_per_node=1 << 21
-    ),
-    "no table, stance sets": {
-        f"{PLANNERS}.searches.stored_table": lambda _: None,
-        "mlivr_gym.stances.stance_graph.StanceGraph.table": None,
-    },
+    "last stage alone": weights(free=()),
+    "no stage of weight 3": weights(1.3),
+    "no stage of weight 1.3": weights(3.0, free=()),
+    "no table": {"mlivr_gym.stances.stance_graph.StanceGraph.table": None},
 }
 NO_TABLE = {
     "all": ALL,
-    "no stance sets": {"mlivr_gym.stances.stance_graph.StanceGraph.searches_sets": False},
     "order by the lower bound": {
         f"{PLANNERS}.implicit_search.ImplicitSearch._keys": lambda _, s, at, g, bounds: bounds
     },

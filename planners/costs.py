@@ -84,11 +84,6 @@ TYPICAL_ADVANCE, DISTANCE_INFLATION = 0.3, 3.0
 """Base displacement of a typical step of three or four limbs [m], and the factor by which
 `Cost.inadmissible_estimate` overestimates; see `experiments/many_limbs.py`."""
 
-MOVE_PRICE_RATIO, MOVES_PER_METRE, MOVE_INFLATION = 0.6, 2.0, 2.0
-"""Constants of `Cost.inadmissible_estimate` where the fewest moves are known: minimum price of a
-move in prices of a metre [m], moves that a metre counts for [1/m], and the factor by which the
-estimate is inflated."""
-
 
 @dataclass(frozen=True)
 class Cost:
@@ -228,24 +223,15 @@ class Cost:
             remaining / max_displacement - 1e-9
         )
 
-    def inadmissible_estimate(self, distance: Array, moves: Array | None = None) -> Array:
+    def inadmissible_estimate(self, distance: Array) -> Array:
         """Estimate the cost to the goal by an inflated guess, which leads to a first plan.
 
         It is no lower bound: it orders a queue of an anytime search and proves nothing.
 
-        Distances to the goal [m], fewest moves to it, if they are known, and estimates, in the unit
-        of the cost, have the same shape.
+        Distances to the goal [m] and estimates, in the unit of the cost, have the same shape.
         """
-        if moves is None:
-            return (
-                DISTANCE_INFLATION
-                * distance
-                * (self.base_weight + self.step_weight / TYPICAL_ADVANCE)
-            )
-        price = max(self.step_weight, MOVE_PRICE_RATIO * self.base_weight)
-        return MOVE_INFLATION * (
-            price * moves + (self.base_weight + MOVES_PER_METRE * price) * distance
-        )
+        per_metre = self.base_weight + self.step_weight / TYPICAL_ADVANCE
+        return DISTANCE_INFLATION * distance * per_metre
 
 
 class CostWeights(NamedTuple):

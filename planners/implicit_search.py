@@ -19,7 +19,6 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -29,7 +28,6 @@ from mlivr_gym.planners.clock import OutOfTime
 from mlivr_gym.planners.costs import moved_points
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import SearchQuery
-from mlivr_gym.planners.set_bounds import SetBounds
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.present_table import EDGE_EFFORT
@@ -137,13 +135,6 @@ class ImplicitSearch(PathSearch):
         self._fully_expanded: dict[tuple[int, ...], float] = {}
         """Minimum cost with which each stance was expanded with all its branches."""
 
-    @cached_property
-    def moves(self) -> SetBounds | None:
-        """Lower bounds of the steps to the goal; None without stance sets."""
-        graph, goal = self.graph, self.goal
-        sets = graph.sets(build=False) if graph.searches_sets else None
-        return None if sets is None else SetBounds(graph, sets, goal, self.clock)
-
     def _paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         self._push_start()
@@ -208,9 +199,9 @@ class ImplicitSearch(PathSearch):
         """Push the start into the queue."""
         start, posture, lower_bound = self.start, self.start_posture, 0.0
         if start.pose is None:  # from a given pose limbs may reach farther
-            stance, remaining = np.array([start.stance]), self._remaining(posture.base_position)
-            lower_bound = float(self._lower_bounds(stance, remaining, np.zeros(1))[0])
-        if lower_bound < np.inf and self._is_goal_in_reach():
+            remaining = self._remaining(posture.base_position)
+            lower_bound = float(self._lower_bounds(remaining, np.zeros(1))[0])
+        if self._is_goal_in_reach():
             self._push(Entry(start, None, 0.0, lower_bound, 0.0, posture, checked=True))
 
     def _is_goal_in_reach(self) -> bool:
@@ -244,9 +235,7 @@ class ImplicitSearch(PathSearch):
         """Return the distances of base positions from the goal region [m]."""
         return np.maximum(self.goal.distance(positions) - self.goal.tolerance, 0.0)
 
-    def _lower_bounds(
-        self, stances: IntArray, remaining: Array, costs: Array, ahead: int = 0
-    ) -> Array:
+    def _lower_bounds(self, remaining: Array, costs: Array, ahead: int = 0) -> Array:
         """Return lower bounds of the cost of plans through stances, shape (k,).
 
         The base is at a distance from the goal region [m] at some cost so far, and the stances are
@@ -255,22 +244,15 @@ class ImplicitSearch(PathSearch):
         cost = self.goal.cost
         if self.search.heuristic == "zero":
             return costs + ahead * cost.step_weight
-        by_distance = np.ceil(remaining / self.max_displacement - 1e-9)
-        by_sets = 0.0 if self.moves is None else self.moves.steps(stances)
-        moves = np.maximum(by_distance, ahead + by_sets)
-        is_possible = np.isfinite(moves)
-        steps = np.where(is_possible, moves, 0.0)
-        lower_bounds = costs + cost.base_weight * remaining + cost.step_weight * steps
-        return np.where(is_possible, lower_bounds, np.inf)
+        steps = np.maximum(np.ceil(remaining / self.max_displacement - 1e-9), ahead)
+        lower_bounds: Array = costs + cost.base_weight * remaining + cost.step_weight * steps
+        return lower_bounds
 
-    def _keys(
-        self, stances: IntArray, positions: Array, costs: Array, lower_bounds: Array
-    ) -> Array:
+    def _keys(self, positions: Array, costs: Array, lower_bounds: Array) -> Array:
         """Return the keys of stances in the open queue, shape (k,)."""
         distances = self.goal.distance(positions)
         if self.search.anytime:
-            moves = None if self.moves is None else self.moves.steps(stances)
-            return costs + self.goal.cost.inadmissible_estimate(distances, moves)
+            return costs + self.goal.cost.inadmissible_estimate(distances)
         if self.search.inflation == 1.0:
             return lower_bounds
         return self.search.cost_weight * costs + self.search.estimate(
@@ -300,8 +282,8 @@ class ImplicitSearch(PathSearch):
         shift = np.linalg.norm(positions - before, axis=1)
         held = np.array([parents[k].state.stance for k in nodes]).reshape(-1, self.graph.limbs)
         costs += cost.of_steps(shift, rows[nodes], moved_points(held, rows[nodes]))
-        lower_bounds = self._lower_bounds(rows[nodes], self._remaining(positions), costs)
-        keys = costs, lower_bounds, self._keys(rows[nodes], positions, costs, lower_bounds)
+        lower_bounds = self._lower_bounds(self._remaining(positions), costs)
+        keys = costs, lower_bounds, self._keys(positions, costs, lower_bounds)
         for k, g, f, key in zip(nodes.tolist(), *(one.tolist() for one in keys), strict=True):
             state = State(stances[k], tuple(postures.branch_sets[k].tolist()))
             entry = Entry(state, parents[k], g, f, key, postures.take(np.array([k])))
@@ -367,12 +349,12 @@ class ImplicitSearch(PathSearch):
             return
         likely_base, so_far = graph.likely_base(stances), np.full(len(stances), entry.cost)
         # The base path of a plan through a neighbour is no shorter than the straight line.
-        lower_bounds = self._lower_bounds(stances, self._remaining(position), so_far, 1)
+        lower_bounds = self._lower_bounds(self._remaining(position), so_far, 1)
         shift = np.linalg.norm(likely_base - position, axis=1)
         costs = so_far + cost.step_weight
         likely_costs = costs + cost.base_weight * shift
-        keys = self._keys(stances, likely_base, likely_costs, lower_bounds)
-        promising = np.flatnonzero(np.isfinite(lower_bounds) & (lower_bounds < self.incumbent_cost))
+        keys = self._keys(likely_base, likely_costs, lower_bounds)
+        promising = np.flatnonzero(lower_bounds < self.incumbent_cost)
         if not len(promising):
             return
         promising = promising[np.argsort(keys[promising], kind="stable")]

@@ -46,6 +46,7 @@ from mlivr_gym.planners.labels import (
     Labels,
     NodeOrigins,
     NodePath,
+    add_label,
     requeue_checked,
 )
 from mlivr_gym.planners.open_queue import (
@@ -59,7 +60,7 @@ from mlivr_gym.planners.open_queue import (
 from mlivr_gym.stances.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.present_table import NO_NODES
+from mlivr_gym.stances.present_table import CHECK, NO_DOUBTS, NO_NODES, NONE
 
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,
@@ -92,6 +93,9 @@ class SearchGraph(NamedTuple):
     """Weights of the cost."""
     unchecked: BoolArray = NO_NODES
     """Nodes to be checked when a label of them is popped, shape (n,), or (0,) if there are none."""
+    doubts: NDArray[np.uint8] = NO_DOUBTS
+    """What is to be done for edges from and to each node, see `PresentTable.doubts`, shape (n,), or
+    (0,) if nothing is."""
 
 
 class SearchParameters(NamedTuple):
@@ -245,8 +249,7 @@ def _search(
             if h[s] < np.inf:
                 if queue.status.entry_count >= len(queue.node):
                     return ARRAYS_FULL
-                _add_label(labels, s, origins.branch_sets[k], cost, -1 - k, -1)
-                labels.checked[queue.status.entry_count] = True
+                add_label(labels, s, origins.branch_sets[k], cost, -1 - k, -1, True)
                 push(queue, status.cost_weight * cost + h[s], s)
     while True:
         if count >= status.clock_interval:
@@ -311,7 +314,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, _ = search_graph
+    table, checked_edges, weights, _, doubts = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -334,10 +337,14 @@ def _expand(
                 & supports_of(table.branch_sets[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
+            doubt = max(doubts[s], doubts[other]) if len(doubts) else NONE
+            checked = doubt == NONE
             if checked_edges.has_edges[s]:
                 slot = slot_of(checked_edges, row + k)
                 if checked_edges.keys[slot] == row + k:
                     kept &= checked_edges.kept[slot]
+                    # A look is enough where no other edge that seemed clear was blocked.
+                    checked = checked_edges.is_exact[slot] or doubt < CHECK
             if not each_keeps_one(kept, limbs):
                 continue
             cost = labels.cost[label] + edge_cost(table, s, other, moved, weights)
@@ -345,20 +352,8 @@ def _expand(
                 continue
             after = after_move(kept, branch_set_of(table.releasable[other], moved), moved, limbs)
             if not _is_dominated(labels, other, after, cost, -1, status):
-                _add_label(labels, other, after, cost, label, row + k)
+                add_label(labels, other, after, cost, label, row + k, checked)
                 push(labels.queue, status.cost_weight * cost + h[other], other)
-
-
-@kernel
-def _add_label(
-    labels: Labels, s: int, branch_sets: np.uint64, cost: float, parent: int, edge: int
-) -> None:
-    """Append a label as the last of its node; the caller pushes it into the queue."""
-    label = labels.queue.status.entry_count
-    labels.branch_sets[label], labels.cost[label] = branch_sets, cost
-    labels.parent[label], labels.edges[label] = parent, edge
-    labels.previous_of_node[label], labels.last_of_node[s] = labels.last_of_node[s], label
-    labels.checked[label] = False
 
 
 @kernel

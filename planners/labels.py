@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.compiled.kernels import entry
+from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.compiled.limb_branch_sets import NO_BRANCHES
 from mlivr_gym.planners.open_queue import NodeQueue, requeue
 
@@ -141,3 +141,21 @@ def requeue_checked(
         labels.branch_sets[label], labels.checked[label] = after[k], True
         if after[k] != NO_BRANCHES:
             requeue(labels.queue, estimates[k], label)
+
+
+@kernel
+def add_label(
+    labels: Labels,
+    s: int,
+    branch_sets: np.uint64,
+    cost: float,
+    parent: int,
+    edge: int,
+    checked: bool,
+) -> None:
+    """Append a label as the last of its node; the caller pushes it into the queue."""
+    label = labels.queue.status.entry_count
+    labels.branch_sets[label], labels.cost[label] = branch_sets, cost
+    labels.parent[label], labels.edges[label] = parent, edge
+    labels.previous_of_node[label], labels.last_of_node[s] = labels.last_of_node[s], label
+    labels.checked[label] = checked

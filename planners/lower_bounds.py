@@ -159,21 +159,6 @@ class LowerBounds:
         none = np.zeros(len(h), dtype=np.bool_)
         return GoalBounds(search.goal.cost, h, none, frozenset(self.graph.occupied))
 
-    def from_start(self, cost: Cost, start: int, goals: IntArray, clock: Clock) -> Array:
-        """Return lower bounds of the cost from a node to each one, 0 at itself alone, shape (n,).
-
-        Those of steps hold for paths over the nodes that keep branches so far, and are tight at the
-        goals, whose rows have shape (g,).
-        """
-        base = self.table.base_position
-        if cost.counts_steps:
-            return self.among_checked(cost, np.arange(len(base)) == start, goals, clock).h
-        away = distances(base, base[start])
-        h = cost.heuristic("consistent", away, 0.0, self.graph.max_displacement)
-        h = np.maximum(h, MIN_COST_OUTSIDE_GOAL)
-        h[start] = 0.0
-        return h
-
     def is_connected(self, goal: Goal, start: State) -> bool:
         """Return whether moves may connect a state with a goal, whatever the obstacles are."""
         goals = self._goal_nodes(goal)

@@ -57,9 +57,9 @@ def path_along(
 class GraphSearcher:
     """The searches of one stance graph; see the module for which."""
 
-    def __init__(self, graph: StanceGraph, *, build_sets: bool = True) -> None:
-        """Prepare to search a graph; stance sets are built if not cached and `build_sets`."""
-        self.graph, self.build_sets = graph, build_sets
+    def __init__(self, graph: StanceGraph) -> None:
+        """Prepare to search a graph."""
+        self.graph = graph
         self._lower_bounds: LowerBounds | None = None
 
     def lower_bounds(self) -> LowerBounds | None:
@@ -91,24 +91,17 @@ class GraphSearcher:
         if search.method == "algorithm1":
             return _find_by_algorithm1(graph, search, start)
         if graph.table is None:
-            self._prepare_tables(graph, search)
+            # A thread finds it, which would wait for the lock of the graph.
+            deadline = search.clock.deadline
+            found = result_by_deadline(
+                ("nodes", key_of(graph)), lambda: stored_table(graph), deadline
+            )
+            if found is not None:
+                graph.graph_table = found[1]
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
             return run_search(TableSearch(lower_bounds, search, start), step_time)
         return run_search(ImplicitSearch(graph, search, start), step_time)
-
-    def _prepare_tables(self, graph: StanceGraph, search: SearchQuery) -> None:
-        """Build the tables that a search needs; raise `OutOfTime` if they take longer than it may.
-
-        They are still being built then.
-        """
-        key, deadline = key_of(graph), search.clock.deadline
-        # A thread finds it, which would wait for the lock of the graph.
-        found = result_by_deadline(("nodes", key), lambda: stored_table(graph), deadline)
-        if found is not None:
-            graph.graph_table = found[1]
-        if self.build_sets and graph.searches_sets and graph.table is None:
-            result_by_deadline(("sets", key), graph.sets, deadline)
 
 
 def _nothing_found(start: State) -> SearchResult:

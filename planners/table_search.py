@@ -6,8 +6,7 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
-  Likhachev 2014), and checked when a path uses it. In between, searches from the goal raise the
-  lower bounds by the edges that were seen.
+  Likhachev 2014), and checked when a path uses it.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
@@ -39,32 +38,39 @@ from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.search_stages import (
+    AMONG_OBSTACLES,
     BY_WEIGHT,
-    OBSTACLE_STAGES,
-    STAGES,
-    first_of,
+    FEW_LABELS,
+    FREE,
+    stages,
 )
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.transitions.state import State
 
-FIRST_EXPANSION_LIMIT = 50
-"""Labels that a search expands before one from the other end improves the lower bounds."""
+WITH_OLD_BOUNDS = 1000
+"""Labels that a search expands with bounds from before some points were occupied, which mostly lead
+to the goal; to expand this many takes less time than to compute new bounds."""
 
-LIMIT_GROWTH = 4
-"""Factor by which this limit grows after a search from either end."""
+AROUND_GOAL = 200
+"""Labels of two limbs that a search from the goal expands to find whether it is cut off, and that
+the search to it expands before if the table knows no edge."""
+
+BEFORE_NODES = 6000
+"""Labels of two limbs that a search among obstacles expands before all nodes are checked, so that
+bounds over what is left show whether obstacles cut the goal off, and weighted stages begin."""
 
 WITH_OLD_BOUNDS = 1000
 """Labels that a search expands with bounds from before some points were occupied, which mostly lead
 to the goal; to expand this many takes less time than to compute new bounds."""
 
-CUT_OFF_LIMIT = FIRST_EXPANSION_LIMIT * LIMIT_GROWTH**4
-"""The limit before which all nodes are checked against obstacles, so that bounds over what is left
-show whether these cut the goal off. A search with `FIRST_WEIGHT` comes first then, whose path is an
-incumbent that leaves the exact search a fifth of the labels."""
+AROUND_GOAL = 200
+"""Labels of two limbs that a search from the goal expands to find whether it is cut off, and that
+the search to it expands before if the table knows no edge."""
 
-FIRST_WEIGHT = 1.1
-"""Weight of the bounds in that search."""
+BEFORE_NODES = 15000
+"""Labels of two limbs that a search among obstacles expands before all nodes are checked, so that
+bounds over what is left show whether obstacles cut the goal off."""
 
 
 class TableSearch(PathSearch):
@@ -118,20 +124,26 @@ class TableSearch(PathSearch):
         if not self.graph.lists_all:
             yield from self._bounds_for_many()
             return
-        search, known = self.search, self._lower_bounds.cached(self.goal, self._origins.nodes)
-        by_cost = SearchParameters(
-            search.cost_weight, check_when_popped=not self._present.is_complete
-        )
+        search, is_complete = self.search, self._present.is_complete
+        by_cost = SearchParameters(search.cost_weight, check_when_popped=not is_complete)
         if search.heuristic != "relaxed":
             yield self._lower_bounds.from_distance(search), (by_cost,)
             return
-        if not self._present.is_complete:
-            yield from self._improved_bounds(known or self._bounds(self.goal))
-            return
+        known = self._lower_bounds.cached(self.goal, self._origins.nodes)
         if known is not None and known.occupied != self.graph.occupied:
             yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
-        yield known or self._new_bounds(), (by_cost,)
+        bounds = known or self._new_bounds()
+        if not is_complete:
+            few = BEFORE_NODES if self._present.is_known else AROUND_GOAL
+            yield bounds, (by_cost._replace(max_expansions=few),)
+            if self._is_cut_off(bounds):
+                self.lower_bound = np.inf
+                return
+        if self.graph.obstacles:
+            yield self._bounds_of_rest(bounds), stages(AMONG_OBSTACLES, by_cost)
+        else:
+            yield bounds, (by_cost,)
 
     def _bounds_for_many(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield bounds and stages of more than two limbs, whose checks take long.
@@ -140,28 +152,27 @@ class TableSearch(PathSearch):
         follow, which are computed sooner than a base displacement.
         """
         search, goal = self.search, self.goal
-        stages: tuple[SearchParameters, ...] = STAGES
         known = self._lower_bounds.cached(goal, self._origins.nodes)
-        if self.graph.obstacles:
-            stages = OBSTACLE_STAGES
+        every = stages(AMONG_OBSTACLES if self.graph.obstacles else FREE, SearchParameters())
+        first = (every[0]._replace(max_labels=FEW_LABELS),)
         if search.has_given_order:
             if search.method != "dijkstra":
                 known = known or self._bounds(goal)
                 self._raise_lower_bound(known)
             bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
-                yield bounds, STAGES[-1:]
+                yield bounds, every[-1:]
                 return
             yield bounds, (BY_WEIGHT._replace(cost_weight=search.cost_weight),)
         if known is not None and known.occupied == self.graph.occupied:
-            yield known, stages
+            yield known, every
             return
         if known is not None:
-            yield known, first_of(stages)
+            yield known, first
         if not goal.cost.counts_steps and not self.has_path:
-            yield self._bounds(replace(goal, cost=Cost.named("steps"))), first_of(stages)
+            yield self._bounds(replace(goal, cost=Cost.named("steps"))), first
         if not self.is_late:
-            yield self._new_bounds(), stages
+            yield self._new_bounds(), every
 
     def _new_bounds(self) -> GoalBounds:
         """Return bounds with the points that are occupied now."""
@@ -169,80 +180,51 @@ class TableSearch(PathSearch):
         self.backward_expanded += int(new.is_tight.sum())
         return new
 
-    def _improved_bounds(
-        self, goal_bounds: GoalBounds
-    ) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
-        """Yield lower bounds that rise to the exact cost-to-go as more edges are checked."""
-        search, expansion_limit = self.search, FIRST_EXPANSION_LIMIT
-        self._check_nodes(np.flatnonzero(goal_bounds.h == 0.0))
-        while True:
-            goal_bounds = self._bounds_of_rest(goal_bounds)
-            parameters = SearchParameters(
-                search.cost_weight, max_expansions=expansion_limit, check_when_popped=True
-            )
-            first = parameters._replace(cost_weight=search.cost_weight / FIRST_WEIGHT)
-            is_hard = expansion_limit == CUT_OFF_LIMIT
-            yield goal_bounds, (first, parameters) if is_hard else (parameters,)
-            is_over = self._is_complete or self.is_late or self.expanded >= search.limit
-            if is_over or self.lower_bound == np.inf:
-                return
-            # A backward search takes the cost of an edge to be the same in both directions.
-            if self._origin_paths[0].states[0].pose is None and goal_bounds.cost.prices is None:
-                goal_bounds = self._backward_bounds(
-                    self._bounds_of_rest(goal_bounds), expansion_limit
-                )
-            expansion_limit *= LIMIT_GROWTH
-            if self.graph.obstacles and expansion_limit == CUT_OFF_LIMIT:
-                self._check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
-
     def _bounds(self, goal: Goal) -> GoalBounds:
         """Return bounds of a goal from the origins, cached or computed."""
         starts, known = self._origins.nodes, self._lower_bounds
         return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
-    def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
-        """Return lower bounds that are no less than those over what is not known to be blocked."""
-        is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
-        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, starts, self.clock)
-        return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))
+    def _is_cut_off(self, goal_bounds: GoalBounds) -> bool:
+        """Return whether a short search from the goal finds that no edges lead to it.
 
-    def _backward_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
-        """Return lower bounds improved by a backward search from the goal that checks its edges.
-
-        An edge of two limbs keeps the same branches in both directions, so the backward search is
-        the forward search with start and goal exchanged. The cost of an expanded node is exact;
-        every other node costs at least the final lower bound of the backward search minus its bound
-        from the start.
+        An edge of two limbs keeps the same branches in both directions, so the search backward is
+        that forward with start and goal exchanged.
         """
-        present, goal, start = self._present, self.goal, self._origins.nodes[0]
-        nodes = np.flatnonzero(goal_bounds.h == 0.0)
-        start_bounds = self._lower_bounds.from_start(goal.cost, int(start), nodes, self.clock)
-        origins = NodeOrigins(nodes, present.table.branch_sets[nodes], np.zeros(len(nodes)))
-        weights = self._lower_bounds.weights(goal.cost)
-        search_graph = SearchGraph(present.table, present.checked_edges, weights)
+        present, goals = self._present, np.flatnonzero(goal_bounds.h == 0.0)
+        h = np.where(goal_bounds.h < np.inf, MIN_COST_OUTSIDE_GOAL, np.inf)
+        h[self._origins.nodes] = 0.0
+        origins = NodeOrigins(goals, present.table.branch_sets[goals], np.zeros(len(goals)))
         found = cheapest_path(
-            search_graph, start_bounds, origins, self._labels,
-            SearchParameters(max_expansions=limit, check_when_popped=True),
+            self._search_graph(goal_bounds), h, origins, self._labels,
+            SearchParameters(max_expansions=AROUND_GOAL, check_when_popped=True),
             clock=self.clock, check=self._look_at,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        explored = self._labels.expanded[: found.expanded]
-        exact = np.full(len(start_bounds), np.inf)
-        np.minimum.at(exact, self._labels.queue.node[explored], self._labels.cost[explored])
-        start_bounds[start_bounds == np.inf] = 0.0  # no path of the start leads there
-        improved = np.maximum(goal_bounds.h, np.minimum(exact, found.lower_bound - start_bounds))
-        improved[nodes] = 0.0
-        return goal_bounds._replace(h=improved)
+        return found.end == SEARCH_COMPLETE and found.path is None
+
+    def _search_graph(self, goal_bounds: GoalBounds) -> SearchGraph:
+        """Return the graph of a search with the cost of some bounds."""
+        present, weights = self._present, self._lower_bounds.weights(goal_bounds.cost)
+        known = present.table, present.checked_edges
+        return SearchGraph(*known, weights, present.unchecked, present.doubts)
+
+    def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
+        """Return bounds over the nodes that are left once all on the way were checked."""
+        self._check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
+        is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
+        rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, starts, self.clock)
+        return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))
 
     def _paths(self) -> Iterator[StatePath]:
         """Yield paths to the goal, each cheaper than the one before, see `PathSearch.paths`."""
         if not len(self._origins.nodes):
             self.lower_bound = np.inf
             return
-        for goal_bounds, stages in self._bounds_with_stages():
+        for goal_bounds, in_turn in self._bounds_with_stages():
             if self.search.heuristic != "paper":
                 self._raise_lower_bound(goal_bounds)
-            for stage in stages:
+            for stage in in_turn:
                 path = self._next_path(goal_bounds, stage)
                 if path is not None:
                     self.incumbent_cost = self.cost(path)
@@ -260,8 +242,10 @@ class TableSearch(PathSearch):
     def _next_path(self, goal_bounds: GoalBounds, stage: SearchParameters) -> StatePath | None:
         """Return a path cheaper than the incumbent, or None if the stage finds none."""
         cost_limit = self.incumbent_cost * (1.0 - COST_TOLERANCE)
-        while not self.is_late and self.lower_bound < cost_limit:
-            path = self._search(goal_bounds, stage, cost_limit)
+        end = self.expanded + stage.max_expansions
+        while not self.is_late and self.expanded < end and self.lower_bound < cost_limit:
+            rest = stage._replace(max_expansions=end - self.expanded)
+            path = self._search(goal_bounds, rest, cost_limit)
             if path is None:
                 return None
             states = self._checked_walk(path)
@@ -277,13 +261,11 @@ class TableSearch(PathSearch):
         self, goal_bounds: GoalBounds, stage: SearchParameters, cost_limit: float
     ) -> NodePath | None:
         """Run one search of a stage, and raise the lower bound of all plans by what it proves."""
-        present, search, known = self._present, self.search, self._present.checked_edges
+        search = self.search
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit = min(stage.max_expansions, limit)
-        weights = self._lower_bounds.weights(goal_bounds.cost)
-        search_graph = SearchGraph(present.table, known, weights, unchecked=present.unchecked)
         found = cheapest_path(
-            search_graph, goal_bounds.h, self._origins, self._labels,
+            self._search_graph(goal_bounds), goal_bounds.h, self._origins, self._labels,
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
@@ -305,10 +287,11 @@ class TableSearch(PathSearch):
         if self.effort >= self.search.effort:
             raise OutOfTime
         present = self._present
-        undecided = present.undecided(edges, looked=True)
-        for piece in self.clock.pieces("looks", len(undecided)):
-            present.kept_at_most(undecided[piece])
-        return present.branch_sets_after(edges, branch_sets, present.kept_at_most(edges))
+        for piece in self.clock.pieces("looks", len(edges)):
+            present.look(edges[piece])
+        self._check_edges(present.doubted(edges))
+        kept = present.checked_edges.kept_on(edges)
+        return present.branch_sets_after(edges, branch_sets, kept)
 
     def _proves(self, stage: SearchParameters) -> bool:
         """Return whether the lower bound of a search holds for all plans.
@@ -324,8 +307,6 @@ class TableSearch(PathSearch):
         present, edges = self._present, path.edges
         if not present.is_complete:
             self._check_edges(present.undecided(edges))
-            # Where one is blocked, so are many beside it, over which the next paths would lead.
-            self._check_edges(present.beside(edges[present.kept(edges) == 0]))
         (_, i), (_, j), _ = edge_ends(present.table, edges)
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])

@@ -103,8 +103,7 @@ def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> b
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
     search = SearchQuery.from_options(graph, step_goal, SearchOptions(limit=limit))
-    # Stance sets are not worth building for a single query.
-    result = GraphSearcher(graph, build_sets=False).find(search, here)
+    result = GraphSearcher(graph).find(search, here)
     if result is not None and result.status == LIMIT_REACHED:
         return None
     return result is not None and result.status == GOAL_REACHED

@@ -18,7 +18,7 @@ from mlivr_gym.cli.arguments import (
     world_options,
 )
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
-from mlivr_gym.cli.progress import PER_CENT, Progress
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
@@ -108,10 +108,6 @@ def find_plan(graph: StanceGraph, args: argparse.Namespace) -> PlanningResult:
             table = find_table(graph)
         if table is None:
             expanded += ", without a node table (see mlivr-gym build)"
-        if table is None and graph.searches_sets:
-            name = "computing the stance sets [%]"
-            with Progress(name, PER_CENT, quiet=args.quiet) as progress:
-                graph.sets(progress.show_share)
     planner, given = Planner(graph), search_options(args)
     with Progress(expanded, quiet=args.quiet) as progress:
         given["options"] = replace(given["options"], progress=progress.show)

@@ -126,17 +126,18 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
 
     def _enter_state(self, state: State) -> None:
         """Set the present state, and evaluate its posture, goal distance and mask."""
-        self._graph_version = self.graph.version
-        self._state, self._properties = state, self.moves.stance_properties(state)
+        self._graph_version, moves = self.graph.version, self.moves
+        self._state, self._properties = state, moves.stance_properties(state)
         self._distance = distance(self._properties.base_position, self.goal.tolist())
-        self._mask = self.moves.action_mask(state)
+        self._mask = moves.action_mask(state)
         if self.further_actions:
             self._mask = np.append(self._mask, [True] * self.further_actions)
 
     def _planned_step(self, action: int) -> tuple[State, float]:
         """Return the state after a valid action, and the base displacement of its step [m]."""
-        after = self.moves.take(self.state, action)
-        reached = self.moves.stance_properties(after).base_position
+        moves = self.moves
+        after = moves.take(self.state, action)
+        reached = moves.stance_properties(after).base_position
         return after, distance(reached, self._properties.base_position)
 
     def _observation(self) -> Observation:

@@ -84,7 +84,9 @@ def _unchecked_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
             return paper_path(graph, ends)
         lifts = normal_knots(graph, ends, 0), normal_knots(graph, ends, 1)
         above = swing_knot(0.0, lifts[0][-1]), swing_knot(1.0, lifts[1][-1])
-        return step_path(graph, ends, lifts, [FollowingSupports(graph, ends).knots(*above, ends.joints[0])])
+        return step_path(
+            graph, ends, lifts, [FollowingSupports(graph, ends).knots(*above, ends.joints[0])]
+        )
     except PlanError:
         return None
 

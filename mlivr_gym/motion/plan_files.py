@@ -81,7 +81,9 @@ def step_fields(limbs: int) -> Struct[Step]:
             "displacement": Tuples((), 0.0),
             "swing": Choice(SWING_KINDS),
             "rests": ListOf(Integer(0, MAX_PARTS), 0, MAX_PARTS),
-            "knots": Numbers((None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)),
+            "knots": Numbers(
+                (None, limbs, 6), -FARTHEST_TURN, FARTHEST_TURN, "rad", (0, MAX_PARTS)
+            ),
         },
         complete=True,
     )

@@ -47,7 +47,7 @@ class FollowingSupports:
         self._robots, self._world = graph.checks.robots, graph.checks.world(graph.obstacle_grid)
         self._line = line = JointLine.row()
         self._first, self._last = line["first"]["q"], line["last"]["q"]
-        self._way: tuple[float, float] | None = None
+        self._moved: tuple[float, float] | None = None
         out = Angles.rows(1, graph.limbs)
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
@@ -62,8 +62,8 @@ class FollowingSupports:
 
     def is_clear(self, a: Array, b: Array) -> bool:
         """Return whether the robot keeps the clearance on the line between two swing knots."""
-        if self._way != (a[0], b[0]):
-            self._set_way(float(a[0]), float(b[0]))
+        if self._moved != (a[0], b[0]):
+            self._move_base(float(a[0]), float(b[0]))
         limb = self._ends.limb
         self._first[limb], self._last[limb] = a[1:], b[1:]
         with LINES.borrowed() as rows:
@@ -71,9 +71,9 @@ class FollowingSupports:
             lines[0]["line"] = self._line
             return bool(line_clear(limb, self._robots, self._world, lines))
 
-    def _set_way(self, s: float, to: float) -> None:
+    def _move_base(self, s: float, to: float) -> None:
         """Let the base move from one of its places to another, or rest before or after it moves."""
-        line, ends, self._way = self._line, self._ends, (s, to)
+        line, ends, self._moved = self._line, self._ends, (s, to)
         line["moves"] = s != to
         if (s, to) == (0.0, 1.0):
             line["path"] = self._path
@@ -121,7 +121,7 @@ def support_joints(
     joints[:, ends.limb] = here[ends.limb]
     for limb, point in enumerate(ends.before):
         if limb != ends.limb:
-            held = graph.solver.grasps[point : point + 1]["flange"]
+            held = graph.solver.grasps[point : point + 1]["flange"].copy()
             one = Follower(limb, ends.branches[limb], here[limb])
             joints[:, limb] = follow(graph, ends, one, held, bases)
     return joints

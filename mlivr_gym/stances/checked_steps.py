@@ -199,15 +199,18 @@ class CheckedSteps(ChangingWorld):
         point, position = stances[kept, limb], postures.base_position[kept]
         return Successors(limb, point, position, branch_sets[kept])
 
-    def branch_sets_of_steps(self, steps: Any, stances: StanceArrays, before: IntArray) -> IntArray:
+    def branch_sets_of_steps(
+        self, steps: Any, stances: StanceArrays, before: IntArray, *, are_free: bool = False
+    ) -> IntArray:
         """Return the branch sets of all limbs after steps, shape (k, N); 0 for what is no step.
 
         The steps are those of `StepChecks.steps`, the branch sets before them have shape (k, N);
-        stances receive the releases that are computed.
+        stances receive the releases that are computed. `are_free` says that `StepRecord.kept` has
+        what supports keep without obstacles.
         """
-        world = self.checks.world(self.obstacle_grid)
+        world = self.checks.world(self.obstacle_grid, obstacles_only=are_free)
         able = np.arange(len(steps))
-        if not stances.releases["known"].all():
+        if not are_free and not stances.releases["known"].all():
             # Releases take longer to compute than whether the support limbs can follow.
             able = np.flatnonzero(self.checks.can_follow(steps, stances, world))
         if self.settings.collisions:

@@ -127,7 +127,11 @@ class TableMoves:
         """Stance index by the points of both limbs, -1 if there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         self._start = tables.start.tolist()
-        self._quaternions = quaternion(graph.base_rotation)
+        self._quaternions, self._w_m, self._w_b = (
+            quaternion(graph.base_rotation),
+            graph.w_m,
+            graph.w_b.tolist(),
+        )
         self._properties: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
@@ -172,11 +176,10 @@ class TableMoves:
             return self._from_given_pose.stance_properties(state)
         found = self._properties.get(state.stance)
         if found is None:
-            graph, s = self.graph, int(self.stance_at[state.stance])
+            ids, s = self.graph.grasp_map.ids, int(self.stance_at[state.stance])
             base, orientation = tuple(self.tables.base_position[s].tolist()), self._quaternions[s]
-            found = StanceProperties(
-                graph.ids(state.stance), base, orientation, graph.w_m[s], float(graph.w_b[s])
-            )
+            stance = tuple(ids[point] for point in state.stance)
+            found = StanceProperties(stance, base, orientation, self._w_m[s], self._w_b[s])
             self._properties[state.stance] = found
         return found
 

@@ -88,16 +88,6 @@ def edge_ends(
     return (one // limbs, one % limbs), (other // limbs, other % limbs), back
 
 
-def edges_beside(table: NodeTable, edges: IntArray) -> IntArray:
-    """Return the edges, or pairs that are none, of the nodes and limbs before edges, ascending."""
-    support_sets = np.searchsorted(table.offset, edges, side="right") - 1
-    sizes = np.diff(table.start)[support_sets].astype(np.int64)
-    first = edges - (edges - table.offset[support_sets]) % sizes
-    rows = [np.arange(one, one + size) for one, size in set(zip(first, sizes, strict=True))]
-    every: IntArray = np.sort(np.concatenate(rows)) if rows else edges[:0]
-    return every
-
-
 def every_edge(table: NodeTable) -> IntArray:
     """Return the numbers of all edges of a table, ascending, shape (e,)."""
     bits = np.unpackbits(table.joined.view(np.uint8), bitorder="little")

@@ -113,7 +113,7 @@ def sets_of(graph: StanceGraph) -> StanceSets:
     _check_empty(graph)
     if not graph.settings.transitions:
         raise TableError("a table of three or four limbs needs transitions=True: steps are checked")
-    sets = graph.sets()
+    sets = StanceSets.of(graph)
     if sets is None:
         raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "

@@ -24,7 +24,6 @@ from mlivr_gym.stances.checked_steps import CheckedSteps
 from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.node_edges import (
     edge_ends,
-    edges_beside,
     every_edge,
     kept_by_table,
     with_kept,
@@ -40,6 +39,12 @@ EDGE_EFFORT, NODE_EFFORT = 250, 4
 NO_NODES = np.empty(0, dtype=np.bool_)
 """No nodes that a search checks."""
 
+NONE, LOOK, CHECK = range(3)
+"""What is to be done for an edge before it is used: nothing, a look at a few places, or a check."""
+
+NO_DOUBTS = np.empty(0, dtype=np.uint8)
+"""No doubts about edges of nodes."""
+
 AT_ONCE = 4096
 """Number of edges that are checked at once where all are."""
 
@@ -53,6 +58,9 @@ class PresentTable:
         The table; nodes and edges that were checked have the branches that remain in this world.
     checked_edges
         Edges that were looked at or checked, with the branches that their supports keep at most.
+    doubts
+        For each node how much is to be done for an edge from or to it, `NONE`, `LOOK` or `CHECK`,
+        shape (n,). Of both ends of an edge the larger counts.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     unchecked
@@ -73,10 +81,9 @@ class PresentTable:
         self._boxes = graph.obstacles
         self.table, self.check_effort, self.unchecked = known.nodes, 0, NO_NODES
         self.is_complete = known.is_exact and not graph.obstacles
-        self.checked_edges = self._checked = CheckedEdges.empty(len(self.table.points))
-        self._looks = known.is_exact
-        if self._looks:
-            self._checked = CheckedEdges.empty(len(self.table.points))
+        self.checked_edges = CheckedEdges.empty(len(self.table.points))
+        count = len(self.table.points)
+        self.doubts = np.full(count, NONE if known.is_exact else CHECK, dtype=np.uint8)
         self._changed: list[IntArray] = []
         self._cells: PositionCells | None = None
         self._is_close = self._is_at_step = np.zeros(len(self.table.points), dtype=np.bool_)
@@ -88,6 +95,11 @@ class PresentTable:
             self._continue(previous)
         else:
             self._begin(previous)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether every edge is known without obstacles."""
+        return self._known.is_exact
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and no results of checks."""
@@ -113,6 +125,7 @@ class PresentTable:
         if self._boxes:
             self._is_close, self._is_at_step = self._around(self.graph.obstacle_grid)
             self.unchecked = self._is_close.copy()
+            self._doubt(self._is_at_step, LOOK)
 
     def _continue(self, previous: PresentTable) -> None:
         """Start from what was found before some obstacles were added.
@@ -133,11 +146,10 @@ class PresentTable:
                 previous._is_at_step | at_step,
             )
             self.unchecked = unchecked | close
+            self.doubts = previous.doubts
+            self._doubt(self._is_at_step, LOOK)
             self._restore(np.flatnonzero(close))
         self.checked_edges = previous.checked_edges.without_nodes(self.table, self._is_at_step)
-        self._checked = self.checked_edges
-        if self._looks:
-            self._checked = previous._checked.without_nodes(self.table, self._is_at_step)
         edges, kept = self.checked_edges.all_edges()
         self._block(edges, edges, kept)
 
@@ -187,21 +199,19 @@ class PresentTable:
         """Return nodes as the step check reads them, see `node_stances`."""
         return node_stances(self.graph.grasp_map, self.graph.robot, table, rows, relabellings)
 
-    def undecided(self, edges: IntArray, *, looked: bool = False) -> IntArray:
-        """Return the edges that take time to check, or to look at, ascending, each once."""
-        known = self.checked_edges if looked and self._looks else self._checked
-        edges = np.unique(edges[~known.contains(edges)])
-        if self._known.is_exact:
-            (before, _), (after, _), _ = edge_ends(self.table, edges)
-            edges = edges[self._is_at_step[before] | self._is_at_step[after]]
-        return edges
+    def _doubt(self, nodes: IntArray | BoolArray, least: int) -> None:
+        """Raise the doubts about nodes, given by their rows or flags, to some level."""
+        self.doubts[nodes] = np.maximum(self.doubts[nodes], least)
 
-    def beside(self, edges: IntArray) -> IntArray:
-        """Return the edges beside some that were looked at and not checked yet, ascending."""
-        if not self._looks:
-            return edges[:0]
-        found = edges_beside(self.table, edges)
-        return self.undecided(found[self.checked_edges.contains(found)])
+    def _doubts_about(self, edges: IntArray) -> NDArray[np.uint8]:
+        """Return the doubts about edges, shape (k,)."""
+        (before, _), (after, _), _ = edge_ends(self.table, edges)
+        return np.maximum(self.doubts[before], self.doubts[after])
+
+    def undecided(self, edges: IntArray) -> IntArray:
+        """Return the edges that take time to check, ascending, each once."""
+        edges = np.unique(edges[~self.checked_edges.are_exact(edges)])
+        return edges[self._doubts_about(edges) > NONE]
 
     def kept(self, edges: IntArray) -> NDArray[np.uint64]:
         """Check edges once; return the branches that supports keep, as `supports_of`, shape (k,).
@@ -211,62 +221,63 @@ class PresentTable:
         """
         if self.is_complete:
             return kept_by_table(self.table, edges)
-        unchecked = np.unique(edges[~self._checked.contains(edges)])
+        unchecked = np.unique(edges[~self.checked_edges.are_exact(edges)])
         if len(unchecked):
             self._check(unchecked)
-        return self._checked.kept_on(edges)
-
-    def kept_at_most(self, edges: IntArray) -> NDArray[np.uint64]:
-        """Return an upper bound of `kept` that is quick to see, and `kept` where it is known.
-
-        Where no edge is known without obstacles, nothing is quicker than a check.
-        """
-        if self.is_complete or not self._looks:
-            return self.kept(edges)
-        unseen = np.unique(edges[~self.checked_edges.contains(edges)])
-        if len(unseen):
-            self._look(unseen)
         return self.checked_edges.kept_on(edges)
+
+    def look(self, edges: IntArray) -> None:
+        """Look at edges that are known without obstacles, once, in a few places each.
+
+        Others are left to checks, than which nothing is quicker then.
+        """
+        edges = np.unique(edges[~self.checked_edges.contains(edges)])
+        if self._known.is_exact and len(edges):
+            self._look(edges)
+
+    def doubted(self, edges: IntArray) -> IntArray:
+        """Return the edges that are to be checked though they seem clear, ascending, each once.
+
+        They are those of nodes of which another edge seemed clear and is blocked, and edges at
+        which nobody can look.
+        """
+        edges = np.unique(edges[~self.checked_edges.are_exact(edges)])
+        clear = ~self.checked_edges.contains(edges) | (self.checked_edges.kept_on(edges) != 0)
+        return np.asarray(edges[clear & (self._doubts_about(edges) == CHECK)])
 
     def _look(self, edges: IntArray) -> None:
         """Look at edges that are known without obstacles, in a few places each."""
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept = kept_by_table(self.table, edges)
         some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
-        steps, stances, _ = self._steps(edges[some])
-        supports, rows = unpacked(kept[some], graph.limbs - 1), np.arange(len(some))
-        for k in range(graph.limbs - 1):
-            steps["kept"][rows, (steps["limb"] + 1 + k) % graph.limbs] = supports[:, k]
+        steps, stances, _ = self._steps(edges[some], kept[some])
         world = graph.checks.world(graph.obstacle_grid, obstacles_only=True)
         graph.checks.look(steps, stances, world)
         self.check_effort += EDGE_EFFORT * len(some)
         kept[some] = _of_supports(steps["kept"][:, : graph.limbs], steps["limb"])
-        self.checked_edges = _recorded(self.checked_edges, ends, edges, back, kept)
-        self._block(edges, back, kept)
+        self._record(ends, edges, back, kept, is_exact=False)
 
     def _check(self, edges: IntArray) -> None:
         """Check edges, shape (k,), and store the results; far from obstacles they may be known."""
         graph, (ends, back) = self.graph, self._checked_ends(edges)
-        kept, some = kept_by_table(self.table, edges), np.arange(len(edges))
+        kept, some, free = kept_by_table(self.table, edges), np.arange(len(edges)), None
+        seemed = self.checked_edges.contains(edges) & (self.checked_edges.kept_on(edges) != 0)
         if self._known.is_exact:
             some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
-        steps, stances, relabellings = self._steps(edges[some])
+            free = kept[some]
+        steps, stances, relabellings = self._steps(edges[some], free)
         rows = np.concatenate(ends[:, some])
         known = stances.releases["known"]
         known[self._is_close[rows] | (not self._known.is_built)] = False
         before = stances.branch_sets[: len(some)]
-        found = graph.branch_sets_of_steps(steps, stances, before)
+        found = graph.branch_sets_of_steps(steps, stances, before, are_free=free is not None)
         self.check_effort += EDGE_EFFORT * len(some)
         if self.table is not self._known.nodes:
             self._record_releases(rows, relabelled(stances.releases, -relabellings))
         kept[some] &= _of_supports(found, steps["limb"])
         kept[~_is_step(kept, graph.limbs)] = 0
-        self._checked = _recorded(self._checked, ends, edges, back, kept)
-        if self._looks:
-            self.checked_edges = _recorded(self.checked_edges, ends, edges, back, kept)
-        else:
-            self.checked_edges = self._checked
-        self._block(edges, back, kept)
+        self._record(ends, edges, back, kept, is_exact=True)
+        self._doubt(ends[:, seemed & (kept == 0)].ravel(), CHECK)
 
     def _checked_ends(self, edges: IntArray) -> tuple[IntArray, IntArray]:
         """Check the nodes of edges; return them, before and after, shape (2, k), and those back."""
@@ -274,13 +285,36 @@ class PresentTable:
         self.check_nodes(np.concatenate([before, after]))
         return np.stack([before, after]), back
 
-    def _steps(self, edges: IntArray) -> tuple[Any, Any, IntArray]:
-        """Return the steps along edges, their stances and the relabellings of these, (2 k,)."""
+    def _steps(self, edges: IntArray, free: NDArray[np.uint64] | None) -> tuple[Any, Any, IntArray]:
+        """Return the steps along edges, their stances and the relabellings of these, (2 k,).
+
+        `free` has what supports keep without obstacles, if it is known.
+        """
         (before, i), (after, j), _ = edge_ends(self.table, edges)
         relabellings = np.concatenate([np.zeros_like(i), j - i])
         stances = self._stances(self.table, np.concatenate([before, after]), relabellings)
-        here = np.arange(len(edges))
-        return self.graph.checks.steps(stances, here, here + len(here)), stances, relabellings
+        here, limbs = np.arange(len(edges)), self.graph.limbs
+        steps = self.graph.checks.steps(stances, here, here + len(here))
+        if free is not None:
+            supports = unpacked(free, limbs - 1)
+            for k in range(limbs - 1):
+                steps["kept"][here, (steps["limb"] + 1 + k) % limbs] = supports[:, k]
+        return steps, stances, relabellings
+
+    def _record(
+        self,
+        ends: IntArray,
+        edges: IntArray,
+        back: IntArray,
+        kept: NDArray[np.uint64],
+        *,
+        is_exact: bool,
+    ) -> None:
+        """Store what supports keep on edges and those back, exactly or at most."""
+        flags = np.full(len(edges), is_exact)
+        for rows, numbers in zip(ends, (edges, back), strict=True):
+            self.checked_edges = self.checked_edges.with_edges(rows, numbers, kept, flags)
+        self._block(edges, back, kept)
 
     def _record_releases(self, rows: IntArray, releases: Any) -> None:
         """Store the branches of releases that are known, rows of `ReleaseRecord`, shape (k, N)."""
@@ -320,7 +354,7 @@ class PresentTable:
         edges = every_edge(self.table)
         for first in range(0, len(edges), AT_ONCE):
             self.kept(edges[first : first + AT_ONCE])
-        return with_kept(self.table, edges, self._checked.kept_on(edges))
+        return with_kept(self.table, edges, self.checked_edges.kept_on(edges))
 
 
 def _of_supports(branch_sets: IntArray, limb: IntArray) -> NDArray[np.uint64]:
@@ -331,10 +365,3 @@ def _of_supports(branch_sets: IntArray, limb: IntArray) -> NDArray[np.uint64]:
 def _is_step(kept: NDArray[np.uint64], limbs: int) -> BoolArray:
     """Return whether each support keeps a branch, shape (k,)."""
     return np.asarray(unpacked(kept, limbs - 1).all(axis=1))
-
-
-def _recorded(
-    known: CheckedEdges, ends: IntArray, edges: IntArray, back: IntArray, kept: NDArray[np.uint64]
-) -> CheckedEdges:
-    """Return known edges with some more, and those back, which keep the same."""
-    return known.with_edges(ends[0], edges, kept).with_edges(ends[1], back, kept)

@@ -30,13 +30,10 @@ from mlivr_gym.postures.given_pose import (
 from mlivr_gym.postures.postures import Postures
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.schema import ListOf, Numbers
-from mlivr_gym.sharing import unlocked
 from mlivr_gym.stances.checked_steps import Pieces, at_once, join
 from mlivr_gym.stances.node_steps import candidate_steps
 from mlivr_gym.stances.node_table import longest_step
-from mlivr_gym.stances.parts import Progress
 from mlivr_gym.stances.stance_postures import StancePostures
-from mlivr_gym.stances.stance_sets import StanceSets
 from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
@@ -73,8 +70,6 @@ class StanceGraph(StancePostures):
         super().__setstate__(tuple(rest))
         found = TABLES.find(self) if is_stored else None
         self.graph_table = found[1] if found else table
-
-    _sets: StanceSets | None = None
 
     def posture_of(self, state: State) -> Postures:
         """Return the posture of a state: that of its stance, or the pose that a user gave."""
@@ -326,7 +321,7 @@ class StanceGraph(StancePostures):
     def _neighbouring(self, stance: tuple[int, ...], limbs: Iterable[int]) -> IntArray:
         """Return the stances after moves of some limbs to points that their others allow, (k, N).
 
-        Stances that are no nodes by the table, or by the sets of points, are omitted.
+        Stances that are no nodes by the table are omitted.
         """
         after = [np.zeros((0, self.limbs), dtype=np.int64)]
         for limb in limbs:
@@ -336,12 +331,9 @@ class StanceGraph(StancePostures):
             after.append(np.tile(np.array(stance, dtype=np.int64), (len(able), 1)))
             after[-1][:, limb] = able
         stances = np.concatenate(after)
-        if self.table is not None:
-            kept = self.table.find(stances, self.robot)[0] >= 0
-        else:
-            sets = self.sets(build=False) if self.searches_sets else None
-            kept = np.full(len(stances), True) if sets is None else sets.find(stances) >= 0
-        return np.asarray(stances[kept])
+        if self.table is None:
+            return stances
+        return np.asarray(stances[self.table.find(stances, self.robot)[0] >= 0])
 
     def likely_base(self, stances: IntArray) -> Array:
         """Return a likely base position at stances, shape (k, N) -> (k, 3) [m].
@@ -352,21 +344,6 @@ class StanceGraph(StancePostures):
         height = float(np.mean(self.robot.heights))
         likely: Array = positions.mean(axis=1) + height * normals.mean(axis=1)
         return likely
-
-    @unlocked  # a thread computes them while a planner, which has the lock, waits for it
-    def sets(self, progress: Progress | None = None, *, build: bool = True) -> StanceSets | None:
-        """Return the sets of points that limbs may hold at once, see `StanceSets.of`."""
-        if self._sets is None:
-            self._sets = StanceSets.of(self, progress, build=build)
-        return self._sets
-
-    @property
-    def searches_sets(self) -> bool:
-        """Whether searches without a node table use stance sets.
-
-        With four limbs these take longer to compute than a search gains by them.
-        """
-        return self.limbs == 3
 
     @cached_property
     def max_displacement(self) -> float:

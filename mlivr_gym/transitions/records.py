@@ -82,7 +82,8 @@ class StepRecord(Record):
     after: int
     """Stance after the step."""
     kept: Limbs
-    """Branches that each support limb keeps on the edge; none if the step is no edge."""
+    """Before the check, branches of which each support limb may keep some; after it, those that it
+    keeps on the edge, none if the step is no edge."""
 
 
 class StepScratch(Record):

@@ -13,6 +13,7 @@ import numpy as np
 
 from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.box_grid import BoxGrid
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.compiled.kernels import in_parallel
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.postures.postures import Postures
@@ -98,12 +99,14 @@ class StepChecks:
         steps, points = StepRecord.rows(len(after)), stances.points
         moves = points[after] != points[before]
         steps["limb"], steps["before"], steps["after"] = moves.argmax(axis=1), before, after
+        steps["kept"] = ALL
         return steps
 
     def can_follow(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> Any:
         """Return for which steps supports follow in the first middles, as they must, shape (k,)."""
-        self._run(len(steps), check_supports, steps, StepContext(stances, self.robots, world))
-        return steps["kept"].any(axis=1)
+        looked = steps.copy()
+        self._run(len(steps), check_supports, looked, StepContext(stances, self.robots, world))
+        return looked["kept"].any(axis=1)
 
     def look(self, steps: Any, stances: StanceArrays, world: WorldRecord) -> None:
         """Leave of the branches that steps keep those that are clear in places, see `look_all`."""

@@ -82,11 +82,7 @@ def look_all(start: int, stop: int, steps: Any, context: StepContext, scratch_ro
     """
     for k in range(start, stop):
         step, scratch = steps[k], scratch_rows[0]
-        for i in range(context.robots[0].limb_count):
-            scratch.clear_of_swing[i] = step.kept[i]
         begin(step, context, scratch)
-        for i in range(context.robots[0].limb_count):
-            scratch.clear[i] &= scratch.clear_of_swing[i]
         if each_alone(FEW, step, context, scratch):
             _keep(scratch.clear, step, context.robots[0])
 
@@ -116,11 +112,13 @@ def begin(step: StepRecord, context: StepContext, scratch: StepScratch) -> None:
     lines.floor = world.thresholds[0].floor * robot.characteristic_length**3
     lines.surface.applies, lines.resting.count = NO, EMPTY
     for i in range(robot.limb_count):
-        step.kept[i] = scratch.clear[i] = EMPTY
-        if i == step.limb:
-            continue
-        set_follower(i, world.grasps[stances.points[step.after, i]].flange, lines)
-        scratch.clear[i] = stances.branch_sets[step.before, i] & stances.branch_sets[step.after, i]
+        scratch.clear[i] = EMPTY
+        if i != step.limb:
+            set_follower(i, world.grasps[stances.points[step.after, i]].flange, lines)
+            on_both = stances.branch_sets[step.before, i] & stances.branch_sets[step.after, i]
+            scratch.clear[i] = on_both & step.kept[i]
+    for i in range(len(step.kept)):
+        step.kept[i] = EMPTY
 
 
 @kernel

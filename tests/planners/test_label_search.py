@@ -20,11 +20,10 @@ from mlivr_gym.planners.label_search import (
     SearchGraph,
     SearchParameters,
     SearchStatus,
-    _add_label,
     _is_dominated,
     cheapest_path,
 )
-from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins
+from mlivr_gym.planners.labels import NO_LABEL, Labels, NodeOrigins, add_label
 from mlivr_gym.planners.open_queue import push
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_edges import CheckedEdges
@@ -137,9 +136,8 @@ def test_a_walk_costs_what_the_shortest_path_over_all_states_does(known, seed, m
     for row in pairs[rng.random(len(pairs)) < 0.3].tolist():
         kept[row[4]] = kept[row[4]] & rng.integers(0, 1 << 16, limbs - 1) * (rng.random() < 0.8)
         number = sum(int(branch_set) << 16 * k for k, branch_set in enumerate(kept[row[4]]))
-        steps = steps.with_edges(
-            np.array(row[:1]), np.array(row[4:]), np.array([number], dtype=np.uint64)
-        )
+        one = np.array([number], dtype=np.uint64), np.ones(1, dtype=np.bool_)
+        steps = steps.with_edges(np.array(row[:1]), np.array(row[4:]), *one)
     leaving = [np.flatnonzero(pairs[:, 0] == s).tolist() for s in range(count)]
     for _ in range(8):
         start = int(rng.integers(count))
@@ -236,7 +234,7 @@ def test_a_label_is_covered_by_one_that_costs_no_more_and_has_all_its_branches(m
             covered = branch_sets & ~union == 0
             expected = covered or len(plain) >= most
             assert called(_is_dominated)(labels, 0, branch_sets, cost, -1, how) == expected
-            called(_add_label)(labels, 0, branch_sets, cost, -1, -1)
+            called(add_label)(labels, 0, branch_sets, cost, -1, -1, True)
             called(push)(labels.queue, cost, 0)
             plain.append((branch_sets, cost))
             for k, (m, c) in enumerate(plain):

@@ -113,7 +113,6 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
     """They cost the same: both are proved to cost the least."""
     table = known[1]
     monkeypatch.setitem(table_files._memory, TABLES.name(known[0]), (None, known[0].graph_table))
-    monkeypatch.setattr(table_search, "STAGES", (*table_search.STAGES[:1], table_search.STAGES[-2]))
     graph, rng, plans = fresh(known), np.random.default_rng(6), 0
     planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
     for k in range(16):
@@ -136,7 +135,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
 @pytest.mark.parametrize("cost", ["steps", "base"])
 def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch, cost):
     """After they are gone plans cost what they cost a planner that never saw them."""
-    monkeypatch.setattr("mlivr_gym.planners.table_search.FIRST_EXPANSION_LIMIT", 1)
+    monkeypatch.setattr("mlivr_gym.planners.table_search.BEFORE_NODES", 1)
     graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
     planner = Planner(graph)
     for _ in range(10):

@@ -19,7 +19,6 @@ from mlivr_gym.planners import (
     label_search,
     lower_bounds,
     searches,
-    set_bounds,
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
 from mlivr_gym.planners.labels import NodePath
@@ -37,8 +36,8 @@ SECONDS = {
 }
 """Time that a slow machine takes for an item of each kernel that is called in threads [s]."""
 
-OTHERWISE, LABEL, SETTLED, SET, SWING = 8e-3, 3e-2, 4e-3, 1e-5, 0.1
-"""The same for other kernels, a label or a node of a search, a stance set, and a step's swing."""
+OTHERWISE, LABEL, SETTLED, SWING = 8e-3, 3e-2, 4e-3, 0.1
+"""The same for other kernels, a label or a node of a search, and a step's swing."""
 
 OVERRUN = 0.2
 """Time by which a limit may be exceeded [s]."""
@@ -76,8 +75,6 @@ class SlowMachine:
         )
         self._each(patch, commitment, "commit", lambda *_: SWING)
         patch(commitment.CommittedSteps, "step_time", 0.05)  # which is learned, and then forgotten
-        for name in ("mark_support_sets", "reach_sets"):
-            self._each(patch, set_bounds, name, lambda start, stop, *_: SET * (stop - start))
 
     def _read(self):
         self.longest, self.unseen = max(self.longest, self.unseen), 0.0
@@ -223,7 +220,6 @@ def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
     machine = SlowMachine(monkeypatch)
     for limit in (0.5, 1.0, 2.0, 4.0):
         planner = Planner(without_a_table())
-        planner.graph.sets()
         began = machine.now
         planner.plan(*given, goal_tolerance=0.05, time_limit=limit)
         assert machine.now - began <= limit + OVERRUN

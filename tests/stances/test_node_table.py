@@ -16,7 +16,6 @@ from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.node_edges import (
     branches_lost,
     edge_ends,
-    edges_beside,
 )
 from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.random_states import random_state
@@ -214,12 +213,3 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
         steps += len(found.limb)
     assert steps > 100
     assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 600))
-
-
-def test_edges_beside_others_are_all_of_the_same_nodes_and_limbs(table):
-    pairs = np.arange(table.offset[-1])
-    (node, limb), _, _ = edge_ends(table, pairs)
-    for edges in (pairs[:0], pairs[[7]], pairs[[5, 5, -1]], pairs[:: len(pairs) // 9]):
-        same = {(node[e], limb[e]) for e in edges}
-        expected = [e for e in pairs.tolist() if (node[e], limb[e]) in same]
-        assert edges_beside(table, edges).tolist() == expected

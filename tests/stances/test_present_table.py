@@ -114,8 +114,12 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
         if k == 2:
             grown.occupy([0, 5])
         edges = rng.permutation(every_edge(grown.table))[:200]
-        seen = grown.present.kept_at_most(edges)
-        assert not (grown.present.kept(edges) & ~seen).any()
+        grown.present.look(edges)
+        seen = edges[grown.present.checked_edges.contains(edges)]
+        assert len(seen) or not built
+        most = grown.present.checked_edges.kept_on(seen)
+        grown.present.kept(edges)
+        assert not (grown.present.kept(seen) & ~most).any()
     fresh = stance_graph(few)
     fresh.add_obstacles(boxes)
     fresh.occupy([0, 5])

@@ -2,7 +2,7 @@
 
 from collections import OrderedDict
 from dataclasses import replace
-from itertools import combinations, permutations
+from itertools import combinations
 from zipfile import ZIP_STORED
 
 import numpy as np
@@ -32,7 +32,7 @@ def empty_cache(tmp_path, monkeypatch):
 
 
 def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_cache):
-    sets, limbs = graph.sets(), graph.limbs
+    sets, limbs = StanceSets.of(graph), graph.limbs
     every = np.array(list(combinations(range(len(graph.grasp_map)), limbs)))
     able = [all(graph.compatible[a, b] for a, b in combinations(row, 2)) for row in every.tolist()]
     every = every[able]
@@ -47,7 +47,7 @@ def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_ca
 
 
 def test_sets_of_stances_are_found_in_any_order(graph):
-    sets, rng = graph.sets(), np.random.default_rng(0)
+    sets, rng = StanceSets.of(graph), np.random.default_rng(0)
     rows = rng.integers(0, len(sets), 50)
     stances = rng.permuted(sets.points[rows].astype(np.int64), axis=1)
     np.testing.assert_array_equal(sets.find(stances), rows)
@@ -55,23 +55,6 @@ def test_sets_of_stances_are_found_in_any_order(graph):
     assert sets.find(none).tolist() == [-1]
     nothing = StanceSets(sets.points[:0], sets.support_sets[:0], 0)
     assert nothing.find(stances[:2]).tolist() == [-1, -1]
-
-
-def test_neighbours_that_are_nodes_are_the_same_with_sets_and_without(graph, monkeypatch):
-    """Of every stance; with them fewer postures are worked out."""
-    kept = stance_graph(graph.grasp_map, graph.robot, graph.settings)
-    kept.sets()
-    monkeypatch.setattr(StanceSets, "of", classmethod(lambda cls, graph, *_, **__: None))
-    plain = stance_graph(graph.grasp_map, graph.robot, graph.settings)
-    rows = np.array(list(permutations(range(len(graph.grasp_map)), graph.limbs)))
-    rows = rows[np.random.default_rng(0).permutation(len(rows))[:3000]]
-    stances = rows[plain.is_node(plain.nodes(rows))]
-    assert len(stances) > 5
-    for stance in map(tuple, stances[:20].tolist()):
-        ours, theirs = (one.neighbouring_nodes(stance)[0] for one in (kept, plain))
-        np.testing.assert_array_equal(ours, theirs)
-        ours, theirs = (one._neighbouring(stance, range(graph.limbs)) for one in (kept, plain))
-        assert len(ours) <= len(theirs)
 
 
 def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_cache, caplog):
@@ -105,10 +88,9 @@ def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_c
 
 
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
-    """Searches then go by moves of limbs in pairs."""
     for limbs in (2, 5):
         other = StanceGraph(graph.grasp_map, replace(graph.robot, limbs=limbs), NO_COLLISIONS)
-        assert other.sets() is None
+        assert StanceSets.of(other) is None
     monkeypatch.setattr(stance_sets, "MOST_SETS", 10)
     assert StanceSets.of(graph) is None
     assert not list(empty_cache.glob("sets-*.npz"))

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
 from mlivr_gym.stances.random_states import random_stance
@@ -60,7 +61,7 @@ def asked(graph, limb, before, after, wanted=None):
     todo = np.array([(s, i) for s in (0, 1) for i in range(graph.limbs)])
     checks.release(stances, todo, world)
     steps = StepRecord.rows(1)
-    steps["limb"], steps["before"], steps["after"] = limb, 0, 1
-    able = checks.can_follow(steps.copy(), stances, world)
+    steps["limb"], steps["before"], steps["after"], steps["kept"] = limb, 0, 1, ALL
+    able = checks.can_follow(steps, stances, world)
     checks.check(steps, stances, world)
     return stances, steps[0], bool(able[0])

@@ -22,7 +22,7 @@ def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, set
         stances, step, _ = asked(graph, limb, before, after)
         world, most, back = checks.world(None), *StepRecord.rows(2)[:, None]
         for one, ends in ((most, (0, 1)), (back, (1, 0))):
-            one["limb"], (one["before"], one["after"]) = limb, ends
+            one["limb"], (one["before"], one["after"]), one["kept"] = limb, ends, ALL
             checks.relax(one, stances, world)
         supports = [i for i in range(graph.limbs) if i != limb]
         both = [one["kept"][0, supports] for one in (most, back)]
