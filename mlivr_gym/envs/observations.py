@@ -54,6 +54,10 @@ class Observation(TypedDict):
     `ClosedLoopEnv`."""
 
 
+FIELDS = tuple(Observation.__annotations__)
+"""Names of the parts of an observation."""
+
+
 @checked()
 def observation_space(graph: StanceGraph, layouts: bool = False) -> spaces.Dict:
     """Return the space of `Observation`, with `occupied` if episodes have layouts of their own."""
@@ -83,7 +87,7 @@ def observation_of(
     """
     stance = np.array(state.stance, dtype=np.int64)
     grasps = graph.grasp_map.positions[stance].ravel().astype(np.float32)
-    position = np.array(properties.base_position).astype(np.float32)
+    position = np.array(properties.base_position, dtype=np.float32)
     turn = properties.quaternion.astype(np.float32)
     branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
     seen = _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
@@ -95,7 +99,7 @@ def observation_of(
 
 def _as_observation(*parts: NDArray[Any]) -> Observation:
     """Return the parts of an observation, in the order of its fields, by name."""
-    return cast(Observation, dict(zip(Observation.__annotations__, parts, strict=False)))
+    return cast(Observation, dict(zip(FIELDS, parts, strict=False)))
 
 
 class ObservationTable(NamedTuple):
