@@ -23,9 +23,6 @@ T = TypeVar("T")
 _locks: WeakValueDictionary[int, Any] = WeakValueDictionary()
 """The locks of all graphs."""
 
-_unlocked: set[Any] = set()
-"""Public methods that take no lock."""
-
 _forking = RLock()
 """Held while a process forks."""
 
@@ -71,12 +68,6 @@ def locked(method: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def unlocked(method: Callable[P, T]) -> Callable[P, T]:
-    """Mark a public method that any number of threads may run at once."""
-    _unlocked.add(method)
-    return method
-
-
 class Locked:
     """Base class of objects with a `lock`, under which one thread at a time runs their methods.
 
@@ -87,8 +78,7 @@ class Locked:
         """Let the public methods of a class take the lock."""
         super().__init_subclass__(**given)
         for name, member in list(vars(cls).items()):
-            is_public = inspect.isfunction(member) and not name.startswith("_")
-            if is_public and member not in _unlocked:
+            if inspect.isfunction(member) and not name.startswith("_"):
                 setattr(cls, name, locked(member))
 
 

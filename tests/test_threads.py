@@ -102,11 +102,6 @@ def test_eight_threads_plan_while_another_adds_and_removes_a_box(truth):
     assert changes
 
 
-def test_only_what_any_number_of_threads_may_run_takes_no_lock():
-    """What is added to these has to be safe by itself."""
-    assert {one.__qualname__ for one in sharing._unlocked} == {"StanceGraph.sets"}
-
-
 def test_threads_share_a_graph_and_an_implicit_graph():
     """All that a graph stores on demand is computed once for all."""
     from small_tables import small_map

@@ -149,8 +149,9 @@ def dense_knots(
         # What a limb does comes on top of where the leader puts the base.
         far = moved[:, leader] + moved[:, others].max(axis=1)
         # The spline is off by up to 4 / 3 of what lines are.
-        slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
-        off = max(4.0 / 3.0 * float(far.max()), slip)
+        off = 4.0 / 3.0 * float(far.max())
+        if off <= 1.0:
+            off = max(off, float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE))
         if off <= 1.0 or pieces == MOST_PIECES:
             return knots
         pieces = min(MOST_PIECES, int(np.ceil(1.15 * pieces * np.sqrt(off))))
