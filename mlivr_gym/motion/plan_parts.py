@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import scipy
@@ -57,6 +57,21 @@ class Step:
     knots: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
     """Knots of the joint path: joint angles of all limbs, the control points of their spline, shape
     (k, N, 6) [rad]. There are none if steps are not checked and the limbs cannot follow."""
+
+    def _values(self) -> tuple[Any, ...]:
+        """Return all fields as values that can be compared and hashed."""
+        return tuple(
+            (value.shape, value.tobytes()) if isinstance(value, np.ndarray) else value
+            for value in vars(self).values()
+        )
+
+    def __eq__(self, other: object) -> bool:
+        """Return whether two steps are equal in all fields."""
+        return isinstance(other, Step) and self._values() == other._values()
+
+    def __hash__(self) -> int:
+        """Return a hash of all fields."""
+        return hash(self._values())
 
 
 def step_along(step: Step, path: JointPath, swing: str) -> Step:

@@ -28,7 +28,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.steps import KEPT_CLEAR, line_clear
 
-FEWEST_PIECES, MOST_PIECES = 16, 512
+FEWEST_PIECES, MOST_PIECES = 8, 512
 """Fewest and most pieces of the spline of a segment while the base moves."""
 
 LINES = ScratchPool(LineScratch)
@@ -149,12 +149,11 @@ def dense_knots(
         # What a limb does comes on top of where the leader puts the base.
         far = moved[:, leader] + moved[:, others].max(axis=1)
         # The spline is off by up to 4 / 3 of what lines are.
-        off = 4.0 / 3.0 * float(far.max())
-        if off <= 1.0:
-            off = max(off, float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE))
+        slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
+        off = max(4.0 / 3.0 * float(far.max()), slip)
         if off <= 1.0 or pieces == MOST_PIECES:
             return knots
-        pieces = min(MOST_PIECES, int(np.ceil(1.15 * pieces * np.sqrt(off))))
+        pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
 
 
 @lru_cache(maxsize=MOST_PIECES)

@@ -93,9 +93,7 @@ def test_durations_that_the_plan_can_keep_stay_possible(checked_graph, walk):
 
 def test_a_file_keeps_the_chosen_swings_and_no_others(checked_graph, jem, chosen):
     data = json.loads(json.dumps(chosen.to_dict()))
-    for again, step in zip(Plan.from_dict(data, jem).steps, chosen.steps, strict=True):
-        assert again.swing == step.swing
-        assert np.array_equal(again.knots, step.knots)
+    assert Plan.from_dict(data, jem).motion.steps == chosen.motion.steps
     data["motion"]["steps"][0]["knots"][8][0][1] += 1e-3
     with pytest.raises(PlanError, match=r"motion\.steps\[0\]"):
         Plan.from_dict(data, jem)
