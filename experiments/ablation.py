@@ -79,7 +79,7 @@ MANY_LIMBS = {
 NO_TABLE = {
     "all": ALL,
     "order by the lower bound": {
-        f"{PLANNERS}.implicit_search.ImplicitSearch._keys": lambda _, s, at, g, bounds: bounds
+        f"{PLANNERS}.implicit_search.ImplicitSearch._keys": lambda _, at, g, bounds: bounds
     },
 }
 LABORATORY = {
