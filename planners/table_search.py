@@ -56,21 +56,9 @@ AROUND_GOAL = 200
 """Labels of two limbs that a search from the goal expands to find whether it is cut off, and that
 the search to it expands before if the table knows no edge."""
 
-BEFORE_NODES = 6000
+BEFORE_NODES = 15_000
 """Labels of two limbs that a search among obstacles expands before all nodes are checked, so that
 bounds over what is left show whether obstacles cut the goal off, and weighted stages begin."""
-
-WITH_OLD_BOUNDS = 1000
-"""Labels that a search expands with bounds from before some points were occupied, which mostly lead
-to the goal; to expand this many takes less time than to compute new bounds."""
-
-AROUND_GOAL = 200
-"""Labels of two limbs that a search from the goal expands to find whether it is cut off, and that
-the search to it expands before if the table knows no edge."""
-
-BEFORE_NODES = 15000
-"""Labels of two limbs that a search among obstacles expands before all nodes are checked, so that
-bounds over what is left show whether obstacles cut the goal off."""
 
 
 class TableSearch(PathSearch):

@@ -127,11 +127,8 @@ class TableMoves:
         """Stance index by the points of both limbs, -1 if there is none, shape (m, m)."""
         self.stance_at[tables.points[:, 0], tables.points[:, 1]] = np.arange(len(tables.points))
         self._start = tables.start.tolist()
-        self._quaternions, self._w_m, self._w_b = (
-            quaternion(graph.base_rotation),
-            graph.w_m,
-            graph.w_b.tolist(),
-        )
+        self._quaternions = quaternion(graph.base_rotation)
+        self._w_m, self._w_b = graph.w_m, graph.w_b.tolist()
         self._properties: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
