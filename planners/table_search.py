@@ -6,7 +6,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
-  Likhachev 2014), and checked when a path uses it.
+  Likhachev 2014), and checked when a path uses it, or before if another edge of its nodes seemed
+  clear and was blocked. A goal that is cut off is found by a short search from there, and among
+  obstacles the stages of more limbs follow if the exact search takes long.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
