@@ -55,6 +55,9 @@ from mlivr_gym.transitions.swing_lines import TRIES, lines_by_travel
 FEW = cast(int, np.int64(4))
 """Number of the interval before which middles are looked at first."""
 
+OBSTACLES = cast(int, np.int64(1))
+"""Layer of a world that has the obstacles."""
+
 KEPT_CLEAR = 5e-4
 """How far what is committed may be from the motion that is checked, which keeps so much more than
 the clearance while the base moves [m]."""
@@ -78,12 +81,13 @@ def check_supports(
 def look_all(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
     """Of the branches that steps keep, keep those that are clear in the first middles, each alone.
 
-    This is quick, and more than `check_all` keeps in the same world, or as much.
+    None are kept if no swing is clear of obstacles there. This is quick, and more than `check_all`
+    keeps in the same world, or as much.
     """
     for k in range(start, stop):
         step, scratch = steps[k], scratch_rows[0]
         begin(step, context, scratch)
-        if each_alone(FEW, step, context, scratch):
+        if each_alone(FEW, step, context, scratch) and _some_swing(step, context, scratch):
             _keep(scratch.clear, step, context.robots[0])
 
 
@@ -231,16 +235,49 @@ def set_swing_line(pair: int, step: StepRecord, scratch: StepScratch) -> None:
 
 
 @kernel
+def _some_swing(step: StepRecord, context: StepContext, scratch: StepScratch) -> bool:
+    """Return whether some swing is clear of obstacles in the first middles, if there are any."""
+    stances, robot, world = context.stances, context.robots[0], context.world
+    if world.stop <= OBSTACLES:
+        return True
+    before = stances.releases[step.before, step.limb]
+    after = stances.releases[step.after, step.limb]
+    for fold in range(robot.fold_count):
+        if has(before.folds & after.folds, fold):
+            set_fold(fold, step, robot, scratch)
+            if _swing_clear_of(OBSTACLES, FEW, step, robot, world, scratch.line):
+                return True
+    # With fewer branches other lines are among the shortest, so all are looked at.
+    for k in range(lines_by_travel(step, context, scratch)):
+        set_swing_line(scratch.order[k], step, scratch)
+        if _swing_clear_of(OBSTACLES, FEW, step, robot, world, scratch.line):
+            return True
+    return False
+
+
+@kernel
 def swing_clear(
     before: int, step: StepRecord, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
     """Return whether the limb that moves is clear of all but other limbs; see `check_line`."""
-    for layer in range(world.stop):
-        itself = only(step.limb) if layer == 0 else EMPTY
-        compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))
-        if not stays_clear(before, layer, robot, world, lines):
+    # Obstacles come first, in a few places, since most swings that fail do so there.
+    if world.stop > OBSTACLES and not _swing_clear_of(OBSTACLES, FEW, step, robot, world, lines):
+        return False
+    for k in range(world.stop):
+        if not _swing_clear_of(world.stop - 1 - k, before, step, robot, world, lines):
             return False
     return True
+
+
+@kernel
+def _swing_clear_of(
+    layer: int, before: int, step: StepRecord, robot: RobotModel, world: WorldRecord,
+    lines: LineScratch,
+) -> bool:  # fmt: skip
+    """Return whether the limb that moves is clear of a layer, and of itself in the first one."""
+    itself = only(step.limb) if layer == 0 else EMPTY
+    compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))
+    return stays_clear(before, layer, robot, world, lines)
 
 
 @kernel
