@@ -7,8 +7,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014), and checked when a path uses it, or before if another edge of its nodes seemed
-  clear and was blocked. A goal that is cut off is found by a short search from there, and among
-  obstacles the stages of more limbs follow if the exact search takes long.
+  clear and was blocked. Searches from the start and from the goal take turns, each of which may
+  expand more labels than the one before: those from the goal raise the bounds. If this takes long,
+  all nodes are checked, and among obstacles the stages of more limbs follow.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
@@ -54,13 +55,10 @@ WITH_OLD_BOUNDS = 1000
 """Labels that a search expands with bounds from before some points were occupied, which mostly lead
 to the goal; to expand this many takes less time than to compute new bounds."""
 
-AROUND_GOAL = 200
-"""Labels of two limbs that a search from the goal expands to find whether it is cut off, and that
-the search to it expands before if the table knows no edge."""
-
-BEFORE_NODES = 15_000
-"""Labels of two limbs that a search among obstacles expands before all nodes are checked, so that
-bounds over what is left show whether obstacles cut the goal off, and weighted stages begin."""
+FIRST_LIMIT, BEFORE_NODES = 500, 15_000
+"""Labels of two limbs that the first search expands where edges are to be checked, and then one
+from the goal; each pair of searches has twice the labels of the one before. With so many as the
+second number, all nodes are checked and weighted stages begin."""
 
 
 class TableSearch(PathSearch):
@@ -123,14 +121,15 @@ class TableSearch(PathSearch):
         if known is not None and known.occupied != self.graph.occupied:
             yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
-        bounds = known or self._new_bounds()
-        if not is_complete:
-            few = BEFORE_NODES if self._present.is_known else AROUND_GOAL
-            yield bounds, (by_cost._replace(max_expansions=few),)
-            if self._is_cut_off(bounds):
+        bounds, limit = known or self._new_bounds(), FIRST_LIMIT
+        while not is_complete and limit < BEFORE_NODES:
+            yield bounds, (by_cost._replace(max_expansions=limit),)
+            bounds, limit = self._raised_bounds(self._bounds_of_rest(bounds), limit), 2 * limit
+            if bounds.h[self._origins.nodes].min() == np.inf:
                 self.lower_bound = np.inf
                 return
         if self.graph.obstacles:
+            self._check_nodes(np.flatnonzero(bounds.h < np.inf))
             yield self._bounds_of_rest(bounds), stages(AMONG_OBSTACLES, by_cost)
         else:
             yield bounds, (by_cost,)
@@ -175,23 +174,36 @@ class TableSearch(PathSearch):
         starts, known = self._origins.nodes, self._lower_bounds
         return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
-    def _is_cut_off(self, goal_bounds: GoalBounds) -> bool:
-        """Return whether a short search from the goal finds that no edges lead to it.
+    def _raised_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
+        """Return bounds raised by a search from the goal that expands labels up to a limit.
 
         An edge of two limbs keeps the same branches in both directions, so the search backward is
-        that forward with start and goal exchanged.
+        that forward with start and goal exchanged. A node that it expanded costs what it found. Any
+        other node costs at least the lower bound of this search, less what the node is away from
+        the start: obstacles near the goal so raise the bounds of all nodes. Prices of points may
+        differ between a step and that back, so with them only a goal that is cut off is found.
         """
         present, goals = self._present, np.flatnonzero(goal_bounds.h == 0.0)
-        h = np.where(goal_bounds.h < np.inf, MIN_COST_OUTSIDE_GOAL, np.inf)
-        h[self._origins.nodes] = 0.0
+        is_origin = np.zeros(len(goal_bounds.h), dtype=np.bool_)
+        is_origin[self._origins.nodes] = True
+        away = self._lower_bounds.among_checked(goal_bounds.cost, is_origin, goals, self.clock).h
         origins = NodeOrigins(goals, present.table.branch_sets[goals], np.zeros(len(goals)))
         found = cheapest_path(
-            self._search_graph(goal_bounds), h, origins, self._labels,
-            SearchParameters(max_expansions=AROUND_GOAL, check_when_popped=True),
+            self._search_graph(goal_bounds), away, origins, self._labels,
+            SearchParameters(max_expansions=limit, check_when_popped=True),
             clock=self.clock, check=self._look_at,
         )  # fmt: skip
         self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        return found.end == SEARCH_COMPLETE and found.path is None
+        if goal_bounds.cost.prices is not None and found.lower_bound < np.inf:
+            return goal_bounds
+        explored = self._labels.expanded[: found.expanded]
+        cost = np.full(len(away), np.inf)
+        np.minimum.at(cost, self._labels.queue.node[explored], self._labels.cost[explored])
+        # No path from the start leads to nodes that are infinitely far away.
+        others = found.lower_bound - np.where(away < np.inf, away, 0.0)
+        h = np.maximum(goal_bounds.h, np.minimum(cost, others))
+        h[goals] = 0.0
+        return goal_bounds._replace(h=h)
 
     def _search_graph(self, goal_bounds: GoalBounds) -> SearchGraph:
         """Return the graph of a search with the cost of some bounds."""
@@ -200,8 +212,7 @@ class TableSearch(PathSearch):
         return SearchGraph(*known, weights, present.unchecked, present.doubts)
 
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
-        """Return bounds over the nodes that are left once all on the way were checked."""
-        self._check_nodes(np.flatnonzero(goal_bounds.h < np.inf))
+        """Return bounds that are no less than those over what is not known to be blocked."""
         is_goal, starts = goal_bounds.h == 0.0, self._origins.nodes
         rest = self._lower_bounds.among_checked(self.goal.cost, is_goal, starts, self.clock)
         return goal_bounds._replace(h=np.maximum(goal_bounds.h, rest.h))

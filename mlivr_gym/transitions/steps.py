@@ -260,9 +260,11 @@ def swing_clear(
     before: int, step: StepRecord, robot: RobotModel, world: WorldRecord, lines: LineScratch
 ) -> bool:
     """Return whether the limb that moves is clear of all but other limbs; see `check_line`."""
-    # Obstacles come first, in a few places, since most swings that fail do so there.
-    if world.stop > OBSTACLES and not _swing_clear_of(OBSTACLES, FEW, step, robot, world, lines):
-        return False
+    if world.stop > OBSTACLES:
+        # Obstacles come first, in a few places, since most swings that fail do so there.
+        if not _swing_clear_of(OBSTACLES, FEW, step, robot, world, lines):
+            return False
+        forget(step.limb, EMPTY, lines)  # nothing travels in places that are only looked at
     for k in range(world.stop):
         if not _swing_clear_of(world.stop - 1 - k, before, step, robot, world, lines):
             return False
