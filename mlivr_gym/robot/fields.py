@@ -298,14 +298,14 @@ class RobotFields:
             return np.eye(4)
         return self.cargo.frame_on(self.body_edges, self.tool_length)
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """An upper bound of the distance of a grasp from the body's origin [m]."""
         reaches = [float(np.linalg.norm(one.position)) for one in self._places]
         limbs = zip(reaches, self.every_limb, strict=True)
         return max(away + limb.reach for away, limb in limbs) + self.tool_length
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """An upper bound of the distance of any part of the robot from the body's middle [m]."""
         parts = [self.reach, 0.5 * float(np.linalg.norm(self.body_edges))]

@@ -209,7 +209,7 @@ class Limb:
         """1 or -1 for each joint that moves, shape (6,): against the z axis of its link if -1."""
         return self.moving_angles(np.array(self.axes or (1.0,) * len(self.origins)))
 
-    @property
+    @cached_property
     def link_distances(self) -> tuple[float, ...]:
         """Upper bounds of the distance of each link's origin from the limb's mount [m]."""
         base = float(np.linalg.norm(self.base_in_mount[:3, 3]))
