@@ -60,6 +60,9 @@ FIRST_LIMIT, BEFORE_NODES = 500, 15_000
 from the goal; each pair of searches has twice the labels of the one before. With so many as the
 second number, all nodes are checked and weighted stages begin."""
 
+EDGES_AT_ONCE = 4
+"""Edges of a path that are checked at once: after one that keeps no branch the others can wait."""
+
 
 class TableSearch(PathSearch):
     """A search over the table of a graph, given by lower bounds over it."""
@@ -306,18 +309,21 @@ class TableSearch(PathSearch):
     def _checked_walk(self, path: NodePath) -> StatePath | None:
         """Check the edges of a path; return its states, None if a limb keeps no branch."""
         present, edges = self._present, path.edges
-        if not present.is_complete:
-            self._check_edges(present.undecided(edges))
+        sets = [self._origins.branch_sets[path.origin : path.origin + 1]]
+        for first in range(0, len(edges), EDGES_AT_ONCE):
+            piece = edges[first : first + EDGES_AT_ONCE]
+            if not present.is_complete:
+                self._check_edges(present.undecided(piece))
+            kept = present.kept(piece)
+            for k in range(len(piece)):
+                some = slice(k, k + 1)
+                sets.append(present.branch_sets_after(piece[some], sets[-1], kept[some]))
+                if not sets[-1][0]:
+                    return None
         (_, i), (_, j), _ = edge_ends(present.table, edges)
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])
         points = relabelled(present.table.points[path.nodes].astype(np.int64), relabellings)
-        kept, sets = present.kept(edges), [self._origins.branch_sets[path.origin : path.origin + 1]]
-        for k in range(len(edges)):
-            some = slice(k, k + 1)
-            sets.append(present.branch_sets_after(edges[some], sets[k], kept[some]))
-            if not sets[-1][0]:
-                return None
         branch_sets = relabelled(unpacked(np.concatenate(sets), points.shape[1]), relabellings)
         start = self._origin_paths[path.origin]
         both = zip(points[1:].tolist(), branch_sets[1:].tolist(), strict=True)
