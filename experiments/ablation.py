@@ -61,16 +61,22 @@ def looked_alone(present: PresentTable, nodes: Any, least: int) -> None:
 
 
 ALL: dict[str, Any] = {}
+AT_ONCE = {f"{TABLE}.EDGES_AT_ONCE": 10**9}
 FEW_LIMBS = {
     "all": ALL,
+    "no searches from the goal": {
+        f"{TABLE}.TableSearch._raised_bounds": lambda search, bounds, limit: bounds
+    },
+    "all edges of a path at once": AT_ONCE,
     "last stage alone": weights(),
     "no stage of weight 3": weights(1.3),
     "no looks before checks": {f"{PRESENT}.look": lambda present, edges: present.kept(edges)},
     "blocked edges raise no doubts": {f"{PRESENT}._doubt": looked_alone},
-    "nodes are not all checked": {f"{TABLE}.BEFORE_NODES": 10**9},
+    "searches from both ends alone": {f"{TABLE}.BEFORE_NODES": 10**9},
 }
 MANY_LIMBS = {
     "all": ALL,
+    "all edges of a path at once": AT_ONCE,
     "last stage alone": weights(free=()),
     "no stage of weight 3": weights(1.3),
     "no stage of weight 1.3": weights(3.0, free=()),
