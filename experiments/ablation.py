@@ -65,7 +65,7 @@ AT_ONCE = {f"{TABLE}.EDGES_AT_ONCE": 10**9}
 FEW_LIMBS = {
     "all": ALL,
     "no searches from the goal": {
-        f"{TABLE}.TableSearch._raised_bounds": lambda search, bounds, limit: bounds
+        f"{TABLE}.TableSearch._improved_bounds": lambda search, bounds, limit: bounds
     },
     "all edges of a path at once": AT_ONCE,
     "last stage alone": weights(),

@@ -127,7 +127,7 @@ class TableSearch(PathSearch):
         bounds, limit = known or self._new_bounds(), FIRST_LIMIT
         while not is_complete and limit < BEFORE_NODES:
             yield bounds, (by_cost._replace(max_expansions=limit),)
-            bounds, limit = self._raised_bounds(self._bounds_of_rest(bounds), limit), 2 * limit
+            bounds, limit = self._improved_bounds(self._bounds_of_rest(bounds), limit), 2 * limit
             if bounds.h[self._origins.nodes].min() == np.inf:
                 self.lower_bound = np.inf
                 return
@@ -177,7 +177,7 @@ class TableSearch(PathSearch):
         starts, known = self._origins.nodes, self._lower_bounds
         return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
-    def _raised_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
+    def _improved_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
         """Return bounds raised by a search from the goal that expands labels up to a limit.
 
         An edge of two limbs keeps the same branches in both directions, so the search backward is

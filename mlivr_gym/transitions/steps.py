@@ -273,9 +273,13 @@ def swing_clear(
 
 @kernel
 def _swing_clear_of(
-    layer: int, before: int, step: StepRecord, robot: RobotModel, world: WorldRecord,
+    layer: int,
+    before: int,
+    step: StepRecord,
+    robot: RobotModel,
+    world: WorldRecord,
     lines: LineScratch,
-) -> bool:  # fmt: skip
+) -> bool:
     """Return whether the limb that moves is clear of a layer, and of itself in the first one."""
     itself = only(step.limb) if layer == 0 else EMPTY
     compare_with(lines, only(step.limb), NO, itself, (NONE, NONE))

@@ -19,6 +19,7 @@ from mlivr_gym.planners import (
     label_search,
     lower_bounds,
     searches,
+    table_search,
 )
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
 from mlivr_gym.planners.labels import NodePath
@@ -286,6 +287,7 @@ def test_a_limit_is_kept_while_the_edges_of_a_path_are_checked(limbs, monkeypatc
     graph = small_table(limbs)[0]
     path = NodePath(0.0, 0, np.zeros(41), np.arange(40), np.zeros(41))
     machine = SlowMachine(monkeypatch)
+    monkeypatch.setattr(table_search, "EDGES_AT_ONCE", len(path.edges))
     with pytest.raises(OutOfTime):
         searching_until(graph, 0.3)._checked_walk(path)
     assert machine.now <= 0.3 + OVERRUN
