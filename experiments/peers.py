@@ -110,7 +110,7 @@ that it refuses, both between stances that can be held, by a limb that can be re
 points. RRTConnect plans in all 12 joints from above one point to above the other, on one branch of
 each limb: the support's gripper stays, and the robot keeps clearance and manipulability, which coal
 and NumPy measure at every {COARSE} rad. Limit {data["seconds"]:g} s, default range, seed 1, no
-simplification. *Clear* paths pass a check at every {FINE} rad; checks and lengths [rad] are medians.
+simplification. *Clear* paths pass a check at every {FINE} rad; the last columns are medians.
 
 The package checks in compiled code, for the whole continuous motion, whether the base can move on a
 line and the limb in one of a few swings; its joint path follows later. It refuses steps for which
