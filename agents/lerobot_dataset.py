@@ -1,13 +1,13 @@
 """Data sets of expert episodes in the format LeRobot v3: Parquet tables, JSON, and videos.
 
-A frame is what was seen before a step, with the action and its reward. All frames are one table,
-which fits the memory; each episode has a video of its own.
+A frame is what was seen before a step, with action and reward; each episode has a video of its own.
 """
 
 from __future__ import annotations
 
 import io
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -55,7 +55,7 @@ def write_lerobot_dataset(
     """
     require("pyarrow", extra="data")
     root = Path(folder)
-    if root.exists():
+    if os.path.lexists(root):
         raise SettingError(f"folder {path_shown(folder)} exists already; give a new one")
     given = dict(env_arguments or {})
     if video:
@@ -161,13 +161,12 @@ def _of_episodes(lengths: NDArray[Any], video: bool) -> dict[str, Any]:
     for part in ("data", "meta/episodes"):
         columns |= {f"{part}/chunk_index": zeros, f"{part}/file_index": zeros}
     if video:
-        of_files = {
-            "chunk_index": numbers // FILES_PER_CHUNK,
-            "file_index": numbers % FILES_PER_CHUNK,
-            "from_timestamp": zeros.astype(np.float64),
-            "to_timestamp": lengths / RATE,
+        columns |= {
+            f"videos/{CAMERA}/chunk_index": numbers // FILES_PER_CHUNK,
+            f"videos/{CAMERA}/file_index": numbers % FILES_PER_CHUNK,
+            f"videos/{CAMERA}/from_timestamp": zeros.astype(np.float64),
+            f"videos/{CAMERA}/to_timestamp": lengths / RATE,
         }
-        columns |= {f"videos/{CAMERA}/{name}": values for name, values in of_files.items()}
     return columns
 
 

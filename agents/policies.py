@@ -79,7 +79,7 @@ class ExpertPolicy(Independent):
 
     @checked()
     def __init__(self, expect_failures: bool = True) -> None:
-        """Start without tables; that of a goal is computed when the goal first occurs.
+        """Start without costs; those to a goal are computed when it first occurs, as far as needed.
 
         Where grasps may fail, costs are expected costs; without `expect_failures`, every grasp is
         assumed to succeed.
