@@ -88,8 +88,8 @@ def connect(graph: StanceGraph, ruler: Ruler, ends: StepEnds, seconds: float) ->
     spent, _ = timed(partial(setup.solve, seconds))
     found = {"seconds": spent, "checks": checks, "solved": setup.haveExactSolutionPath()}
     if found["solved"]:
-        way = setup.getSolutionPath()
-        found["length"] = way.length()
-        way.interpolate(int(way.length() / FINE) + 2)
-        found["clear"] = all(map(valid, way.getStates()))
+        solution = setup.getSolutionPath()
+        found["length"] = solution.length()
+        solution.interpolate(int(solution.length() / FINE) + 2)
+        found["clear"] = all(map(valid, solution.getStates()))
     return found | {"ends": all(map(valid, states))}
