@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import partial
 from typing import Any
 
@@ -50,7 +51,7 @@ def some_steps(graph: StanceGraph, task: Task, rng: np.random.Generator) -> dict
 
 
 def connect(graph: StanceGraph, ruler: Ruler, ends: StepEnds, seconds: float) -> dict[str, Any]:
-    """Return what RRTConnect finds in a limited time [s], from above one point to above the other.
+    """Return what RRTConnect finds in a processor time [s], from above a point to above another.
 
     The support's gripper stays; the robot keeps its clearance and the floor of manipulability.
     """
@@ -85,7 +86,9 @@ def connect(graph: StanceGraph, ruler: Ruler, ends: StepEnds, seconds: float) ->
     info.setStateValidityCheckingResolution(COARSE / space.getMaximumExtent())
     setup.setStartAndGoalStates(*states, 1e-6)
     setup.setPlanner(geometric.RRTConnect(info))
-    spent, _ = timed(partial(setup.solve, seconds))
+    end = time.process_time() + seconds
+    limit = base.PlannerTerminationCondition(lambda: time.process_time() > end)
+    spent, _ = timed(partial(setup.solve, limit))
     found = {"seconds": spent, "checks": checks, "solved": setup.haveExactSolutionPath()}
     if found["solved"]:
         solution = setup.getSolutionPath()
