@@ -81,7 +81,7 @@ def step_rows(rows: list[dict[str, Any]]) -> Iterator[list[Any]]:
 
 
 WALK_HEAD = LIBRARY_HEAD.replace(" | memory [MB]", "")
-STEP_HEAD = "steps | number | check | joint path | RRTConnect | solved | clear | checks | [rad]"
+STEP_HEAD = "steps | number | our check | our path | RRTConnect | solved | clear | checks | [rad]"
 """Heads of the tables."""
 
 
