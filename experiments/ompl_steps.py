@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -12,42 +13,53 @@ from coal_ruler import Ruler, grasps_of
 from reports import timed
 from truth_motions import least_manipulability, quaternions
 
-from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.motion import JointPath
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Planner, plan_of
 from mlivr_gym.stances import StanceGraph
-from mlivr_gym.stances.checked_steps import join
 
 COARSE, FINE = 0.05, 0.01
 """Distance of the configurations that OMPL checks, and of those checked afterwards [rad]."""
 
 
-def some_steps(graph: StanceGraph, task: Task, rng: np.random.Generator) -> dict[bool, Any]:
-    """Return a step that the package accepts and one that it refuses, from the optimal walk.
+def some_steps(
+    graph: StanceGraph, task: Task, rng: np.random.Generator
+) -> Iterator[tuple[StepEnds, dict[str, Any]]]:
+    """Yield a step that the package accepts and one that it refuses, from the optimal walk.
 
-    Each is on one of its branches, and comes with the duration of its check [s]. Refused ones lead
-    to a stance that can be held, by a limb that can be released from both points.
+    Each is on one of its branches, and comes with the duration of its check and, if accepted, that
+    of its plan [s]. Refused ones are between stances that can be held, by a limb that can be
+    released from both points.
     """
-    walk = Planner(graph).plan(task[0].stance, task[1], "steps").unwrap().stances
-    state, found = graph.state(rng.choice(walk[:-1]).tolist()), dict[bool, Any]()
-    here, (stances, postures) = graph.posture_of(state), graph.neighbouring_nodes(state.stance)
-    for k in rng.permutation(len(stances)):
-        there, after = postures.take(slice(k, k + 1)), tuple(stances[k].tolist())
-        limb, both = int(np.argmax(stances[k] != state.stance)), join(here, there)
-        free = [graph.releasable_branches(state.stance, here, limb) & state.branch_sets[limb]]
-        free.append(graph.releasable_branches(after, there, limb))
-        common = state.branch_sets[1 - limb] & int(there.branch_sets[0, 1 - limb])
-        if all(free) and common:
-            seconds, kept = timed(partial(graph.kept_on_step, state, after, both))
-            bits = np.full((2, 2), bits_of(kept.get(1 - limb, common))[0])
-            bits[:, limb] = [bits_of(one)[0] for one in free]
-            joints = graph.joints(np.array([state.stance, after]), both, bits)
-            branches, poses = bits % 8, (both.base_position, both.base_rotation)
-            branch = (*branches[0].tolist(), int(branches[1, limb]))
-            ends = StepEnds(limb, state.stance, after[limb], *poses, branch, joints)
-            found.setdefault(bool(kept), (ends, seconds))
-    return found
+    stances = Planner(graph).plan(task[0].stance, task[1], "steps").unwrap().stances
+    state, known = graph.state(rng.choice(stances[:-1]).tolist()), set[bool]()
+    for after in map(tuple, rng.permutation(graph.neighbouring_nodes(state.stance)[0]).tolist()):
+        limb, both = (
+            int(after[1] != state.stance[1]),
+            graph.postures_of([state, graph.state(after)]),
+        )
+        parts = [both.take(slice(k, k + 1)) for k in range(2)]
+        free = [
+            graph.releasable_branches(stance, part, limb)
+            for stance, part in zip((state.stance, after), parts, strict=True)
+        ]
+        kept = int(np.bitwise_and(*both.branch_sets[:, 1 - limb]))
+        seconds, reached = timed(partial(graph.state_after, state, after, both))
+        figures = {"accepted": reached is not None, "check": seconds}
+        if figures["accepted"] in known or not (all(free) and kept):
+            continue
+        known.add(figures["accepted"])
+        if reached is not None:
+            kept, walk = reached.branch_sets[1 - limb], [state, reached]
+            figures["plan"], plan = timed(partial(plan_of, graph, walk, task[1], 0.0, "astar"))
+            assert plan is not None
+        # The lowest branch of each set.
+        bits = np.full((2, 2), (kept & -kept).bit_length() - 1)
+        bits[:, limb] = [(one & -one).bit_length() - 1 for one in free]
+        joints = graph.joints(np.array([state.stance, after]), both, bits)
+        branches = (*(bits[0] % 8).tolist(), int(bits[1, limb]) % 8)
+        poses = both.base_position, both.base_rotation
+        yield StepEnds(limb, state.stance, after[limb], *poses, branches, joints), figures
 
 
 def connect(graph: StanceGraph, ruler: Ruler, ends: StepEnds, seconds: float) -> dict[str, Any]:

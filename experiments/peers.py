@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from functools import partial
 from importlib.metadata import version
 from typing import Any
 from unittest.mock import patch
@@ -21,10 +20,9 @@ import numpy as np
 from benchmark_planning import LIBRARY_HEAD, Task, libraries, library_rows, machine
 from coal_ruler import Ruler
 from ompl_steps import COARSE, FINE, connect, some_steps
-from reports import NOTHING, experiment, spread, table, timed
+from reports import NOTHING, experiment, spread, table
 from tqdm import tqdm
 
-from mlivr_gym.motion.commitment import commit
 from mlivr_gym.stances import StanceGraph
 
 ENVIRONMENTS = ("MLIVR-JEM-v0", "MLIVR-JEM-Far-v0")
@@ -50,15 +48,11 @@ def measured(tasks: int, seconds: float) -> dict[str, Any]:
     data["machine"]["packages"]["ompl"] = version("ompl")
     (graph, every), rng = held_out(ENVIRONMENTS[-1], tasks), np.random.default_rng(1)
     ruler = Ruler(graph.robot, graph.grasp_map.boxes)
-    some_steps(graph, every[0], rng)  # compiles, or loads, all kernels
+    list(some_steps(graph, every[0], rng))  # compiles, or loads, all kernels
     with patch("time.perf_counter", time.process_time):
         for task in tqdm(every, desc="steps", disable=None):
-            for accepted, (ends, check) in some_steps(graph, task, rng).items():
-                row = {"accepted": accepted, "check": check}
-                if accepted:
-                    row["commit"], made = timed(partial(commit, graph, ends))
-                    assert made is not None
-                data["steps"].append(row | connect(graph, ruler, ends, seconds))
+            for ends, figures in some_steps(graph, task, rng):
+                data["steps"].append(figures | connect(graph, ruler, ends, seconds))
         data["walks"] = {name: libraries(*held_out(name, tasks), "steps") for name in ENVIRONMENTS}
     return data
 
@@ -68,7 +62,7 @@ def step_rows(rows: list[dict[str, Any]]) -> Iterator[list[Any]]:
     for accepted, words in ((True, "accepted"), (False, "refused")):
         some = [row for row in rows if row["accepted"] is accepted and row["ends"]]
         solved, figures = [row for row in some if row["solved"]], list[str]()
-        for what, among in (("check", some), ("commit", some), ("seconds", solved)):
+        for what, among in (("check", some), ("plan", some), ("seconds", solved)):
             times = spread([row[what] for row in among if what in row] or [np.nan])
             figures.append(f"{times['median']:.3g}, {times['p95']:.3g}")
         figures[1] = figures[1] if accepted else NOTHING
@@ -81,7 +75,7 @@ def step_rows(rows: list[dict[str, Any]]) -> Iterator[list[Any]]:
 
 
 WALK_HEAD = LIBRARY_HEAD.replace(" | memory [MB]", "")
-STEP_HEAD = "steps | number | our check | our path | RRTConnect | solved | clear | checks | [rad]"
+STEP_HEAD = "steps | number | our check | our plan | RRTConnect | solved | clear | checks | [rad]"
 """Heads of the tables."""
 
 
@@ -117,8 +111,9 @@ and NumPy measure at every {COARSE} rad. Limit {data["seconds"]:g} s, default ra
 simplification. *Clear* paths pass a check at every {FINE} rad; the last columns are medians.
 
 The package checks in compiled code, for the whole continuous motion, whether the base can move on a
-line and the limb in one of a few swings; its joint path follows later. It refuses steps for which
-other motions exist: the problems differ. OMPL spends most of its time in checks called from Python.
+line and the limb in one of a few swings; *our plan* is the joint path of that motion. It refuses
+steps for which other motions exist: the problems differ. OMPL spends most of its time in checks
+called from Python.
 
 {table(STEP_HEAD, step_rows(data["steps"]))}"""
 
