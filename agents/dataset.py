@@ -1,12 +1,15 @@
-"""Data sets of expert episodes in the format of Minari, with action masks in the observations."""
+"""Episodes of the expert with action masks in the observations, and data sets of them for Minari.
+
+`lerobot_dataset` writes the same episodes for LeRobot.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import PurePosixPath
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -56,14 +59,16 @@ def write_dataset(
     checked before the first episode.
     """
     require(*REQUIRED_PACKAGES, extra="data")
-    if episodes < 1:
-        raise SettingError(f"episodes is {episodes!r}; it must be at least 1")
+    import minari
+
     _check_id(dataset_id)
-    collector, expert = _make_collector(dataset_id, env_arguments or {}), ExpertPolicy()
-    for k in range(episodes):
-        _collect_episode(collector, expert, seed + k)
-        if progress is not None:
-            progress(k + 1)
+    env = expert_env(env_arguments)
+    try:
+        collector = minari.DataCollector(env, record_infos=False)
+    except OSError as error:
+        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
+    for _ in expert_episodes(collector, episodes, seed, progress):
+        pass  # the collector records them
     with warnings.catch_warnings():
         # Authors and links are the user's to add; the temporary folder belongs to the collector.
         for message in (".*is set to None", "Implicitly cleaning up"):
@@ -80,27 +85,48 @@ def write_dataset(
     return dataset
 
 
-def _make_collector(dataset_id: str, env_arguments: dict[str, Any]) -> Any:
-    """Return a `minari.DataCollector` around a new environment that observes action masks."""
-    import minari
+class ExpertEpisode(NamedTuple):
+    """An episode of k steps."""
 
-    masked = ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **env_arguments))
-    try:
-        return minari.DataCollector(masked, record_infos=False)
-    except OSError as error:
-        raise SettingError(f"data set {dataset_id!r} cannot be written: {error}") from None
+    observations: list[dict[str, Any]]
+    """What was seen before each step and at the end, k + 1 observations with action masks."""
+    actions: list[int]
+    """The actions, k numbers."""
+    rewards: list[float]
+    """The rewards, k numbers."""
+    pictures: list[Any]
+    """What the environment looked like before each step, if it renders; otherwise empty."""
 
 
-def _collect_episode(collector: Any, expert: ExpertPolicy, seed: int) -> None:
-    """Record one episode of the expert."""
-    env = collector.unwrapped
-    assert isinstance(env, MlivrEnv)
-    observation, _ = collector.reset(seed=seed)
-    done = False
-    while not done:
-        action = expert.act(env, observation, env.action_masks())
-        observation, _, terminated, truncated, _ = collector.step(np.int64(action))
-        done = terminated or truncated
+def expert_env(env_arguments: dict[str, Any] | None) -> gymnasium.Env[Any, Any]:
+    """Return a new `MLIVR-JEM-v0` that observes action masks, with arguments of its own."""
+    return ActionMaskObservation(gymnasium.make("mlivr_gym:MLIVR-JEM-v0", **env_arguments or {}))
+
+
+def expert_episodes(
+    env: gymnasium.Env[Any, Any],
+    episodes: int,
+    seed: int,
+    progress: Callable[[int], None] | None = None,
+) -> Iterator[ExpertEpisode]:
+    """Yield episodes of the expert in a `MlivrEnv` within wrappers; see `write_dataset`."""
+    inner, expert = env.unwrapped, ExpertPolicy()
+    assert isinstance(inner, MlivrEnv)
+    for k in range(episodes):
+        observation, _ = env.reset(seed=seed + k)
+        made, ended = ExpertEpisode([observation], [], [], []), False
+        while not ended:
+            if inner.render_mode is not None:
+                made.pictures.append(env.render())
+            action = expert.act(inner, observation, inner.action_masks())
+            observation, reward, terminated, truncated, _ = env.step(np.int64(action))
+            ended = terminated or truncated
+            made.observations.append(observation)
+            made.actions.append(action)
+            made.rewards.append(float(reward))
+        yield made
+        if progress is not None:
+            progress(k + 1)
 
 
 @checked()

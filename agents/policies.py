@@ -79,7 +79,7 @@ class ExpertPolicy(Independent):
 
     @checked()
     def __init__(self, expect_failures: bool = True) -> None:
-        """Start without tables; that of a goal is computed when the goal first occurs.
+        """Start without costs; those to a goal are computed when it first occurs, as far as needed.
 
         Where grasps may fail, costs are expected costs; without `expect_failures`, every grasp is
         assumed to succeed.
@@ -87,6 +87,7 @@ class ExpertPolicy(Independent):
         self._expect = expect_failures
         self._moves: TableMoves | None = None
         self._key: tuple[Cost, bytes, float, bytes] | None = None
+        self._most = 0.0
 
     @checked()
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
@@ -107,7 +108,7 @@ class ExpertPolicy(Independent):
             exact = CostToGo(_two_limbs(env), Goal(env.goal, env.goal_tolerance, env.reward.cost))
             best = exact.best(env.state, steps)
             return int(steps.limb[best] * points + steps.point[best])
-        costs = self.costs(env)
+        costs = self._least_costs(env)
         # If no action leads to the goal, the first valid one is taken.
         return int(np.argmax(mask & (costs <= costs.min() + 1e-9)))
 
@@ -118,15 +119,39 @@ class ExpertPolicy(Independent):
         It is infinite where no plan leads to the goal. The present state must be one of the graph's
         own, without a pose; errors are those of `act`.
         """
+        return self._costs_up_to(env, np.inf)
+
+    def _least_costs(self, env: MlivrEnv) -> Array:
+        """Return the costs of the best actions and, of others, these or infinities, shape (2 m,).
+
+        They are sought among larger and larger costs, since most goals are a few steps away.
+        """
+        graph, cost = _two_limbs(env), env.reward.cost
+        base = env.moves.stance_properties(env.state).base_position
+        away = np.asarray(np.linalg.norm(base - env.goal))
+        longest = graph.max_displacement
+        least = float(cost.heuristic("consistent", away, env.goal_tolerance, longest))
+        for steps in (0.0, 1.0, 2.0, 4.0, np.inf):
+            most = least + steps * (cost.step_weight + cost.base_weight * longest)
+            costs = self._costs_up_to(env, most)
+            if costs.min() <= self._most:
+                break
+        return costs
+
+    def _costs_up_to(self, env: MlivrEnv, most: float) -> Array:
+        """Return what `costs` does, where some costs above `most` may be infinite.
+
+        Known costs are taken if they go as far; how far they go is `_most`.
+        """
         graph = _two_limbs(env)
         moves = env.table_moves()
         risk = env.failure_probability if self._expect else np.zeros(len(graph.grasp_map))
         cost = env.reward.cost
         key = (cost, env.goal.tobytes(), env.goal_tolerance, risk.tobytes())
-        if self._moves is not moves or self._key != key:
-            self._moves, self._key = moves, key
+        if self._moves is not moves or self._key != key or self._most < most:
+            self._moves, self._key, self._most = moves, key, most
             goals = in_goal_region(moves.tables, env.goal[None], env.goal_tolerance)
-            self._values = TableValues(moves.tables, goals, cost, risk)
+            self._values = TableValues(moves.tables, goals, cost, risk, most)
         s = np.array([moves.stance_at[env.state.stance]], dtype=np.int64)
         branch_sets, none = np.array([env.state.branch_sets]), np.zeros(1, dtype=np.int64)
         found: Array = self._values.of_actions(s, branch_sets, none, 2 * len(graph.grasp_map))[0]

@@ -147,21 +147,22 @@ def replanning(planner: Planner, start: tuple[str, ...], goal: Array, count: int
     return out
 
 
-def libraries(graph: StanceGraph, tasks: Sequence[Task]) -> dict[str, Any]:
-    """Measure queries of the base cost in two graph libraries on the table, and in this planner."""
-    known = [Planner(graph).plan(start.stance, goal).unwrap() for start, goal in tasks]
+def libraries(graph: StanceGraph, tasks: Sequence[Task], name: str) -> dict[str, Any]:
+    """Measure queries of a cost in two graph libraries on the table, and in this planner."""
+    cost = Cost.named(name)
+    known = [Planner(graph).plan(start.stance, goal, name).unwrap() for start, goal in tasks]
     series = {"A*": SearchOptions(), "A*, consistent": SearchOptions(heuristic="consistent")}
     series["Dijkstra"] = SearchOptions(method="dijkstra")
-    ours = {name: query_times(Planner(graph), tasks, "base", how) for name, how in series.items()}
+    ours = {key: query_times(Planner(graph), tasks, name, how) for key, how in series.items()}
     out: dict[str, Any] = {"this planner": ours}
-    for name, library in LIBRARIES.items():
+    for library, kind in LIBRARIES.items():
         before = resident()
-        build, made = timed(partial(library, graph))
-        out[name] = {"build": build, "memory": resident() - before, "lower": 0, "higher": 0}
+        build, made = timed(partial(kind, graph, cost))
+        out[library] = {"build": build, "memory": resident() - before, "lower": 0, "higher": 0}
         times: dict[str, list[float]] = {"A*": [], "Dijkstra": []}
         for (start, goal), plan in zip(tasks, known, strict=True):
             away = np.linalg.norm(graph.base_position - goal, axis=1)
-            cost, first = Cost.named("base"), graph.find(start.stance)
+            first = graph.find(start.stance)
             h = [
                 *cost.heuristic("consistent", away, TOLERANCE, graph.max_displacement).tolist(),
                 0.0,
@@ -170,10 +171,10 @@ def libraries(graph: StanceGraph, tasks: Sequence[Task]) -> dict[str, Any]:
                 goals = np.flatnonzero(away <= TOLERANCE).tolist()
                 seconds, path = made.search(first, goals, heuristic)
                 times[method].append(seconds)
-            length = np.linalg.norm(np.diff(graph.base_position[path], axis=0), axis=1).sum()
-            out[name]["lower"] += bool(length < plan.statistics.cost - 1e-9)
-            out[name]["higher"] += bool(length > plan.statistics.cost + 1e-9)
-        out[name] |= {method: spread(seconds) for method, seconds in times.items()}
+            spent = cost.of_path(graph.base_position[path], graph.points[path])
+            out[library]["lower"] += bool(spent < plan.statistics.cost - 1e-9)
+            out[library]["higher"] += bool(spent > plan.statistics.cost + 1e-9)
+        out[library] |= {method: spread(seconds) for method, seconds in times.items()}
         del made
     return out
 
@@ -202,7 +203,7 @@ def measured(queries: int) -> dict[str, Any]:
     planner.prepare(goal)
     data["replanning"] = replanning(planner, start, goal, min(CHANGES, count))
     print("graph libraries", flush=True)
-    data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES])
+    data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES], "base")
     return data
 
 

@@ -15,30 +15,32 @@ import numpy as np
 import rustworkx as rx
 from reports import timed
 
+from mlivr_gym.planners import Cost
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
 
 Path = list[int]
 
 
-def edge_chunks(graph: StanceGraph) -> Iterator[list[tuple[int, int, float]]]:
-    """Yield every valid step once, in either direction, with its length [m], in chunks."""
+def edge_chunks(graph: StanceGraph, cost: Cost) -> Iterator[list[tuple[int, int, float]]]:
+    """Yield every valid step once, in either direction, with its cost, in chunks."""
     tables = step_tables(graph)
     stances = np.repeat(np.arange(len(graph)), np.diff(tables.start[::2]))
     for chunk in np.array_split(np.flatnonzero(stances < tables.after), 64):
         i, j = stances[chunk], tables.after[chunk]
         length = np.linalg.norm(tables.base_position[i] - tables.base_position[j], axis=1)
-        yield list(zip(i.tolist(), j.tolist(), length.tolist(), strict=True))
+        costs = cost.base_weight * length + cost.step_weight
+        yield list(zip(i.tolist(), j.tolist(), costs.tolist(), strict=True))
 
 
 class Networkx:
     """The stance graph in networkx."""
 
-    def __init__(self, graph: StanceGraph) -> None:
+    def __init__(self, graph: StanceGraph, cost: Cost) -> None:
         """Add every stance and every step."""
         self.graph = nx.Graph()
         self.graph.add_nodes_from(range(len(graph)))
-        for chunk in edge_chunks(graph):
+        for chunk in edge_chunks(graph, cost):
             self.graph.add_weighted_edges_from(chunk)
 
     def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:
@@ -59,11 +61,11 @@ class Networkx:
 class Rustworkx:
     """The stance graph in rustworkx."""
 
-    def __init__(self, graph: StanceGraph) -> None:
+    def __init__(self, graph: StanceGraph, cost: Cost) -> None:
         """Add every stance and every step."""
         self.graph: Any = rx.PyGraph()
         self.graph.add_nodes_from(list(range(len(graph))))
-        for chunk in edge_chunks(graph):
+        for chunk in edge_chunks(graph, cost):
             self.graph.add_edges_from(chunk)
 
     def search(self, start: int, goals: Path, h: list[float] | None) -> tuple[float, Path]:

@@ -190,8 +190,25 @@ def _reasons_told(path: str) -> Iterator[None]:
     try:
         yield
     except (OSError, ValueError) as error:  # for example a null character in the name
-        reason = error.strerror if isinstance(error, OSError) else None
-        raise FileError(f"cannot write {path_shown(path)}: {reason or error}") from None
+        raise FileError(f"cannot write {path_shown(path)}: {reason(error)}") from None
+
+
+def reason(error: OSError | ValueError) -> str:
+    """Return the message of an error of the system without its number and file name."""
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
+
+
+def make_folder(folder: str | Path) -> Path:
+    """Make a folder and its missing parents.
+
+    Raises a `FileError` if it cannot be made.
+    """
+    path = Path(folder)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot create folder {str(folder)!r}: {reason(error)}") from None
+    return path
 
 
 def _sync_folder(folder: Path) -> None:
@@ -237,19 +254,17 @@ def read_json(path: str | Path, kind: str, error: type[MlivrError] = FileError) 
             raise ValueError(f"it must hold a JSON object, not a {type(data).__name__}")
         if _is_deep(data):
             raise RecursionError
-    except OSError as fault:
-        reason = fault.strerror or str(fault)
     except UnicodeDecodeError:
-        reason = "it is not UTF-8 text"
+        why = "it is not UTF-8 text"
     except RecursionError:
-        reason = "it is nested too deeply"
+        why = "it is nested too deeply"
     except json.JSONDecodeError as fault:
-        reason = f"it is not JSON: {fault}"
-    except ValueError as fault:
-        reason = str(fault)
+        why = f"it is not JSON: {fault}"
+    except (OSError, ValueError) as fault:
+        why = reason(fault)
     else:
         return data
-    raise error(f"cannot read {kind} {path_shown(path)}: {reason}")
+    raise error(f"cannot read {kind} {path_shown(path)}: {why}")
 
 
 def load(

@@ -48,13 +48,14 @@ def compute_costs(
     tables: StepTables,
     costs: CostTables,
     g: int,
+    most: float,
     queue: IntArray,
     queued: NDArray[np.int8],
 ) -> None:
     """Compute the costs to goal g by label correcting backward from its stances, of n in all.
 
     `goal`, `queue` and `queued`, of which the last two are scratch, have shape (n,); the entries of
-    the goal in `costs`, initially infinite, are written.
+    the goal in `costs`, initially infinite, are written, but none above `most`.
     """
     n, value, grasped = len(goal), costs.by_branch[g], costs.grasped[g]
     step_cost, base_cost = prices.step, prices.metre
@@ -76,6 +77,11 @@ def compute_costs(
         queued[s2] = 0
         for moving in range(2):
             support, point = 1 - moving, tables.points[s2, moving]
+            least = grasped[s2, moving]
+            for b in range(16):
+                least = min(least, value[s2, support, b])
+            if step_cost[s2, moving] + least > most:
+                continue
             for e in range(tables.start[2 * s2 + moving], tables.start[2 * s2 + moving + 1]):
                 s = tables.after[e]
                 if goal[s]:
@@ -92,7 +98,7 @@ def compute_costs(
                         if can_release(only(b), tables.releasable[s2, support]):
                             remaining = grasped[s2, moving]
                         through = cost + min(value[s2, support, b], remaining)
-                        if through < value[s, support, b] - 1e-9:
+                        if through <= most and through < value[s, support, b] - 1e-9:
                             value[s, support, b] = through
                             if can_release(only(b), tables.releasable[s, support]):
                                 grasped[s, support] = min(grasped[s, support], through)
@@ -182,11 +188,17 @@ class TableValues:
     """
 
     def __init__(
-        self, tables: StepTables, is_goal: BoolArray, cost: Cost, failure: Array | None = None
+        self,
+        tables: StepTables,
+        is_goal: BoolArray,
+        cost: Cost,
+        failure: Array | None = None,
+        most: float = np.inf,
     ) -> None:
         """Compute the costs backward from the stances of each goal region, shape (g, n).
 
         With probabilities that an attempt at each point fails, shape (m,), they are expected costs.
+        Those above `most` are infinite, which saves the time of all that is far from the goals.
         """
         self.tables = tables
         sure = np.zeros(int(tables.points.max()) + 1)
@@ -197,7 +209,8 @@ class TableValues:
         self.values, self.grasped = self._costs
         for g in range(count):
             queue, queued = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int8)
-            compute_costs(self.is_goal[g], self.prices, tables, self._costs, g, queue, queued)
+            goal = self.is_goal[g]
+            compute_costs(goal, self.prices, tables, self._costs, g, most, queue, queued)
 
     def of_stances(self, g: int) -> Array:
         """Return the cost from each stance to goal `g` with all its branches, shape (n,)."""

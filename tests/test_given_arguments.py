@@ -85,6 +85,7 @@ TAKES_LONG = {
     ("MlivrEnv", "map"), ("ClosedLoopEnv", "map"), ("UnknownMapEnv", "map"),
     ("MlivrVectorEnv", "env"), ("stance_graph", "grasp_map"),
     ("train", "env"), ("train", "hyperparameters"), ("write_dataset", "env_arguments"),
+    ("write_lerobot_dataset", "env_arguments"),
 }  # fmt: skip
 """Arguments that stand for much, such as the whole module, where they are None."""
 

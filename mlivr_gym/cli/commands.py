@@ -41,8 +41,9 @@ COMMANDS = {
         "mlivr-gym evaluate --policy my_policy --split occupied --json",
     ),
     "dataset": (
-        "write episodes of the expert as a Minari data set",
+        "write episodes of the expert as a data set of Minari or LeRobot",
         "mlivr-gym dataset --id mlivr/jem/expert-v0 --episodes 200",
+        "mlivr-gym dataset --lerobot expert --episodes 10000",
     ),
     "warmup": (
         "compile all that plans run",

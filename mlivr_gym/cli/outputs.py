@@ -15,7 +15,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from types import MappingProxyType
 
-from mlivr_gym.files import FileError, plain_file, written_together
+from mlivr_gym.files import FileError, make_folder, plain_file, reason, written_together
 
 MAX_NAMED = 3
 """Maximum number of replaced files that are listed by name; the others are counted."""
@@ -78,7 +78,7 @@ def check_outputs(
             if resolved.exists():
                 replaced.append(str(file))
         except (OSError, ValueError) as error:  # a ValueError for a null character in the name
-            raise FileError(f"cannot write {str(file)!r}: {_reason(error)}") from None
+            raise FileError(f"cannot write {str(file)!r}: {reason(error)}") from None
         if resolved in inputs:
             raise FileError(
                 f"cannot write {str(file)!r}: it is the file of {inputs[resolved]}, which would be "
@@ -93,19 +93,6 @@ def check_outputs(
         more = len(replaced) - MAX_NAMED
         names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
         print(f"mlivr-gym: existing files to be replaced: {names}", file=sys.stderr, flush=True)
-
-
-def make_folder(folder: str | Path) -> Path:
-    """Make a folder and its missing parents.
-
-    Raises a `FileError` if it cannot be made.
-    """
-    path = Path(folder)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise FileError(f"cannot create folder {str(folder)!r}: {_reason(error)}") from None
-    return path
 
 
 @contextmanager
@@ -152,8 +139,3 @@ def _check(path: Path, target: Path | None, folder: Path | None) -> None:
         raise NotADirectoryError(f"{str(parent)!r} is not a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise PermissionError(f"no permission to write in folder {str(parent)!r}")
-
-
-def _reason(error: OSError | ValueError) -> str:
-    """Return the message of an error without its number and file name."""
-    return (error.strerror if isinstance(error, OSError) else None) or str(error)

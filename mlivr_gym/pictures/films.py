@@ -201,7 +201,7 @@ def save_film(pictures: list[NDArray[np.uint8]], path: str | Path) -> None:
     """
     kind = check_film_format(path)
     pictures = [*pictures, *[pictures[-1]] * round(PAUSE * RATE)]
-    write_whole(path, _gif(pictures) if kind == ".gif" else _mp4(pictures))
+    write_whole(path, _gif(pictures) if kind == ".gif" else mp4(pictures))
 
 
 def film_cameras(
@@ -278,8 +278,8 @@ def _gif(pictures: list[NDArray[np.uint8]]) -> bytes:
     return buffer.getvalue()
 
 
-def _mp4(pictures: list[NDArray[np.uint8]]) -> bytes:
-    """Encode pictures of shape (height, width, 3) as MP4."""
+def mp4(pictures: list[NDArray[np.uint8]]) -> bytes:
+    """Encode pictures of shape (height, width, 3) as MP4 with `RATE` frames a second."""
     import imageio.v3 as iio
 
     encoded: bytes = iio.imwrite(

@@ -59,6 +59,23 @@ def test_what_an_expert_saw_before_is_of_no_matter(small_map):
     assert len(answers) >= 10
 
 
+@pytest.mark.parametrize("reward", ["steps", "base"])
+def test_an_expert_acts_by_its_costs(small_map, reward):
+    """Though it computes only those that it needs, and more of them after a grasp that failed."""
+    env = MlivrEnv(map=small_map, collisions=False, reward=reward, grasp_failure=0.4)
+    acting, counted = ExpertPolicy(), 0
+    for seed in range(40):
+        observation, _ = env.reset(seed=seed)
+        ended = False
+        while not ended:
+            action = acting.act(env, observation, env.action_masks())
+            costs = ExpertPolicy().costs(env)
+            assert costs[action] == pytest.approx(costs.min(), abs=1e-7)
+            observation, _, ended, _, info = env.step(action)
+            counted += int(info["grasp_failed"])
+    assert counted > 5
+
+
 def test_policies_follow_walks_to_their_end(env):
     for policy in (
         baseline_policy("two_level"),

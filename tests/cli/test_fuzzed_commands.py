@@ -125,7 +125,8 @@ def quick(monkeypatch, tmp_path):
     monkeypatch.setattr("mlivr_gym.simulation.execution.execute", stopped)
     monkeypatch.setattr("mlivr_gym.agents.training.train", stopped)
     monkeypatch.setattr("mlivr_gym.cli.evaluate.evaluate", stopped)
-    monkeypatch.setattr("mlivr_gym.agents.dataset._make_collector", stopped)
+    for module in ("dataset", "lerobot_dataset"):
+        monkeypatch.setattr(f"mlivr_gym.agents.{module}.expert_env", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.SceneRenderer", stopped)
     monkeypatch.setattr("mlivr_gym.cli.render.configuration_figure", stopped)
     monkeypatch.setattr("mlivr_gym.extensions.viewer.view._serve", stopped)

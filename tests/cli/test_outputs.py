@@ -7,10 +7,10 @@ import os
 
 import pytest
 
-from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files, make_folder
+from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.errors import PlanError, SceneError
 from mlivr_gym.extensions.closed_loop.record import ARRIVED, ClosedLoopRecord
-from mlivr_gym.files import FileError, write_whole
+from mlivr_gym.files import FileError, make_folder, write_whole
 from mlivr_gym.planners import Planner
 
 

@@ -48,6 +48,9 @@ evaluate --split same --episodes 3            : --episodes has no effect
 evaluate --policy astar --beam 3              : --beam has no effect
 train --method bc --shaping                   : --shaping has no effect
 dataset --episodes -3                         : --episodes is -3
+dataset --video                               : --video has no effect without --lerobot
+dataset --lerobot . --episodes 1              : exists already
+dataset --lerobot x --id a-v0                 : --id has no effect with --lerobot
 view --plan a --execution b                   : only one of --plan and --execution
 view --plan a --goal 1 2 3                    : --goal has no effect with --plan
 view --execution a --cost steps               : --cost has no effect with --execution

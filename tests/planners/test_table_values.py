@@ -8,9 +8,10 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
 
 
-def values_to(env, cost, risk=None):
+def values_to(env, cost, risk=None, most=np.inf):
     tables = env.table_moves().tables
-    return TableValues(tables, in_goal_region(tables, env.goal[None], 0.2), Cost.named(cost), risk)
+    goals = in_goal_region(tables, env.goal[None], 0.2)
+    return TableValues(tables, goals, Cost.named(cost), risk, most)
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])
@@ -71,3 +72,16 @@ def test_expected_costs_solve_the_bellman_equation(env, cost):
                 assert mine == pytest.approx(best, abs=1e-6)
                 checked += 1
     assert checked > 100
+
+
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_costs_up_to_a_limit_are_all_costs_below_it(env, cost):
+    env.reset(seed=0)
+    every = values_to(env, cost).values
+    known = every[np.isfinite(every) & (every > 0.0)]
+    for most in (0.0, np.quantile(known, 0.3) + 1e-6, known.max()):
+        some = values_to(env, cost, most=float(most)).values
+        found = np.isfinite(some)
+        np.testing.assert_allclose(some[found], every[found], atol=1e-7)
+        assert found[every <= most - 1e-7].all()
+        assert not found[every > most + 1e-7].any()

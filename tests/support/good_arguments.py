@@ -62,6 +62,11 @@ SPECIAL = {
         "episodes": 1,
         "env_arguments": {"map": of.map},
     },
+    "write_lerobot_dataset": lambda of: {
+        "folder": "lerobot",
+        "episodes": 1,
+        "env_arguments": {"map": of.map},
+    },
     "load_dataset": lambda of: {"dataset_id": "mlivr/jem/expert-v0"},
     "load_hyperparameters": lambda of: {"method": "bc"},
     "MlivrEnv": lambda of: {"map": of.map},
