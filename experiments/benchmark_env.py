@@ -4,8 +4,8 @@
 
 Actions are drawn at random among the possible ones; drawing them is not timed, starting new
 episodes is. Each value is the best of ten repetitions of `--seconds` on one core, each with other
-episodes, because other work on the machine only slows a repetition down. Writes
-`benchmark_env.json` and `benchmark_env.md`.
+episodes, because other work on the machine only slows a repetition down. Only many simulated robots
+have all cores. Writes `benchmark_env.json` and `benchmark_env.md`.
 """
 
 from __future__ import annotations
@@ -115,6 +115,11 @@ def measure(seconds: float) -> list[dict[str, Any]]:
         rows.append(
             best(f"{ID}, native vector, {count} sub-environments", settings_of(native=True), run)
         )
+    with_simulation = gymnasium.make_vec(ID, num_envs=32, dynamics="mujoco")
+    run = partial(vector, with_simulation, seconds)
+    what = f"{ID}, 32 processes on {len(os.sched_getaffinity(0))} cores"
+    rows.append(best(what, settings_of(dynamics="mujoco"), run))
+    with_simulation.close()
     sync = gymnasium.make_vec(ID, num_envs=4, vectorization_mode="sync")
     run = partial(vector, sync, seconds)
     rows.append(best(f"{ID}, SyncVectorEnv, 4 sub-environments", settings_of(), run))
@@ -139,7 +144,8 @@ def markdown(data: dict[str, Any]) -> str:
     ]
     return f"""# Steps per second
 
-Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each, best of {REPETITIONS} \
+Made by `experiments/benchmark_env.py` on {data["machine"]}; one core each if \
+none are named, best of {REPETITIONS} \
 repetitions of {data["seconds"]:g} s. Actions are drawn at random among the possible ones, in Taxi \
 too. Each environment is as `gymnasium.make` returns it, without its checker; the first one has \
 all its defaults. Each repetition draws other episodes, so steps that are checked when met, and \

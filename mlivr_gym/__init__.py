@@ -53,20 +53,20 @@ __getattr__, __dir__ = lazy(__name__)
 register(
     id="MLIVR-JEM-v0",
     entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
     max_episode_steps=100,
 )
 register(
     id="MLIVR-JEM-Far-v0",
     entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
     max_episode_steps=100,
     kwargs={"tasks": "far"},
 )
 register(
     id="MLIVR-JEM-Cargo-v0",
     entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
     max_episode_steps=100,
     kwargs={"tasks": "far", "cargo": {"mass": 30.0, "size": [0.4, 0.4, 0.3]}},
 )
@@ -87,14 +87,14 @@ for _name in ("USLab", "Columbus", "Hatch", "Station"):
     register(
         id=f"MLIVR-{_name}-v0",
         entry_point="mlivr_gym.envs.env:MlivrEnv",
-        vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+        vector_entry_point="mlivr_gym.envs.vectors:vector_env",
         max_episode_steps=100,
         kwargs={"map": _name.lower()},
     )
 register(
     id="MLIVR-Truss-v0",
     entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vector_env:MlivrVectorEnv",
+    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
     max_episode_steps=100,
     kwargs={
         "map": "truss",

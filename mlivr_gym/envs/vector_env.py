@@ -97,7 +97,10 @@ class MlivrVectorEnv(OnGraph, Independent, PlainSpec, VectorEnv[Any, Any, Any]):
             raise SettingError(f"env and {', '.join(kwargs)} are both given; give one of them")
         self.env = MlivrEnv(**kwargs) if env is None else env
         if self.env.is_simulated:
-            raise SettingError("the vector environment needs dynamics='kinematic'")
+            raise SettingError(
+                "the vector environment needs dynamics='kinematic'; gymnasium.make_vec makes one "
+                "of simulated robots"
+            )
         refuse_layouts(self.env.tasks)
         moves = self.env.table_moves()
         self.tables: StepTables = moves.tables

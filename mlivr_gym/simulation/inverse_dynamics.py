@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from threading import get_ident
 from typing import NamedTuple
 
 import numpy as np
@@ -38,6 +39,19 @@ def robot_model(robot: RobotSpec) -> mujoco.MjModel:
     return compile_spec(robot_alone(robot))
 
 
+def _model_and_data(robot: RobotSpec) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Return the model of the robot alone, and data of this thread as they are after a reset."""
+    model, data = robot_model(robot), _data(robot, get_ident())
+    mujoco.mj_resetData(model, data)
+    return model, data
+
+
+@lru_cache(maxsize=16)
+def _data(robot: RobotSpec, thread: int) -> mujoco.MjData:
+    """Return data of a thread; making them takes longer than what is done with them."""
+    return mujoco.MjData(robot_model(robot))
+
+
 def compute_inverse_dynamics(
     robot: RobotSpec, holding: Sequence[int], positions: Array, speeds: Array, accelerations: Array
 ) -> InverseDynamics:
@@ -49,8 +63,7 @@ def compute_inverse_dynamics(
     shape (m, k, 6 + 6 N), are linear of the base in the world frame, angular in the body frame, and
     of the joints [m/s, rad/s]; accelerations are their derivatives.
     """
-    model, count = robot_model(robot), len(positions)
-    data = mujoco.MjData(model)
+    (model, data), count = _model_and_data(robot), len(positions)
     sites = [model.site(f"limb{i}/grasp").id for i in holding]
     forces = np.empty(speeds.shape)
     jacobians = np.empty((count, len(sites), 6, model.nv))
@@ -96,8 +109,7 @@ def inverse_inertia(
     `holding` carries an inertia that it has to move, for each axis of translation [kg] and rotation
     [kg m^2], shape (6,). Joint angles have shape (6 N,) [rad].
     """
-    model = robot_model(robot)
-    data = mujoco.MjData(model)
+    model, data = _model_and_data(robot)
     data.qpos[7:] = joints
     mujoco.mj_forward(model, data)
     inverse = np.empty((model.nv, model.nv))
@@ -116,8 +128,7 @@ def compatible_motions(robot: RobotSpec, holding: Sequence[int], joints: Array) 
     Limbs that hold move together, as one motion of the base makes them; the others move at will.
     `holding` has one limb or more, and joint angles have shape (6 N,) [rad].
     """
-    model = robot_model(robot)
-    data = mujoco.MjData(model)
+    model, data = _model_and_data(robot)
     data.qpos[7:] = joints
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)

@@ -11,6 +11,8 @@ Dynamic Systems 106, 1984).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -54,7 +56,8 @@ class Binding(NamedTuple):
         return f"{self.limit} of {where}"
 
 
-class SegmentDynamics(NamedTuple):
+@dataclass(frozen=True)
+class SegmentDynamics:
     """Coefficients of loads and velocities at K values of sigma, in units of the limits."""
 
     holding: tuple[int, ...]
@@ -79,10 +82,16 @@ class SegmentDynamics(NamedTuple):
         times = sampled_times(scaling)
         sigma, rate, change = (scaling(times, order)[:, None] for order in range(3))
         at = np.clip(sigma[:, 0], 0.0, 1.0)
-        by_change, by_square = CubicSpline(self.sigmas, self.load_rates)(at).swapaxes(0, 1)
+        load_rates, speeds = np.split(self._curve(at), [-self.speeds.shape[1]], axis=1)
+        by_change, by_square = load_rates.reshape(len(at), 2, -1, 3).swapaxes(0, 1)
         loads = change[..., None] * by_change + (rate**2)[..., None] * by_square
-        speeds = np.abs(rate * CubicSpline(self.sigmas, self.speeds)(at))
-        return np.linalg.norm(loads, axis=2), speeds
+        return np.linalg.norm(loads, axis=2), np.abs(rate * speeds)
+
+    @cached_property
+    def _curve(self) -> CubicSpline:
+        """Cubic spline of all coefficients."""
+        rates = self.load_rates.reshape(len(self.sigmas), -1)
+        return CubicSpline(self.sigmas, np.column_stack([rates, self.speeds]))
 
     def binding(self, scaling: PPoly) -> Binding:
         """Return the shortest duration of a time scaling of this shape, and its limit."""

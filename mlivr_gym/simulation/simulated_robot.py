@@ -91,7 +91,10 @@ class SimulatedRobot:
         """Compile the model."""
         self.grasp_map, self.robot, self.physics = grasp_map, robot, physics or Physics()
         self.controller = controller or ControllerParameters()
-        self.model = compile_spec(dynamics_spec(grasp_map, robot, self.physics, obstacles))
+        spec = dynamics_spec(grasp_map, robot, self.physics, obstacles)
+        for site in spec.worldbody.sites:
+            spec.delete(site)  # graspable points, whose frames MuJoCo would set at each time step
+        self.model = compile_spec(spec)
         self.disturbance = disturbance or NONE.draw(
             0, robot_model(robot).nbody - 1, robot.limbs, len(grasp_map)
         )
@@ -214,12 +217,15 @@ class SimulatedRobot:
         period = self.count_time_steps(self.controller.sensor_period) if guides else last - first
         followed = []
         for start in range(first, last, period):
-            here = np.arange(start, min(start + period, last))
+            stop = min(start + period, last)
             recovering = free and phase != "approach"
-            followed.append(self._joint_controller.run(reference.at(here), held, recovering))
+            followed.append(
+                self._joint_controller.run(reference.at(slice(start, stop)), held, recovering)
+            )
             if guides:
-                mujoco.mj_forward(self.model, self.data)
-                self._guidance.correct(trajectory, int(here[-1]) + 1)
+                mujoco.mj_kinematics(self.model, self.data)
+                mujoco.mj_comPos(self.model, self.data)
+                self._guidance.correct(trajectory, stop)
             if until():
                 break
         states, sensors = zip(*followed, strict=True)

@@ -4,6 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 import torch
+from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode
 
 from mlivr_gym.envs.env import MlivrEnv
@@ -180,3 +181,24 @@ def test_a_batch_holds_integers_of_the_action_space(small_map):
     assert copies.steps.tolist() == [0, 0]
     for kind in (list, lambda pair: np.array(pair, np.uint8), torch.tensor):
         copies.step(kind([0, 1]))
+
+
+def test_simulated_copies_do_what_single_robots_do_with_disturbances_of_each_episode(small_map):
+    """Over the ends of episodes, after which others are drawn."""
+    given = {"num_envs": 2, "max_episode_steps": 2, "map": small_map, "limits": "gentle"}
+    given |= {"dynamics": "mujoco", "disturbances": "all"}
+    copies = gymnasium.make_vec("MLIVR-JEM-v0", **given)
+    alone = gymnasium.make_vec("MLIVR-JEM-v0", vectorization_mode="sync", **given)
+    first, second = copies.reset()[0]["goal"]
+    assert (first != second).any()
+    assert data_equivalence(copies.reset(seed=4), alone.reset(seed=4))
+    payloads, info = set(), alone.reset(seed=4)[1]
+    for _ in range(5):
+        actions = info["action_mask"].argmax(axis=1)
+        done = alone.step(actions)
+        assert data_equivalence(copies.step(actions), done)
+        info = done[4]
+        robots = [env.unwrapped._executor.simulation for env in alone.envs]
+        payloads |= {robot.disturbance.payload for robot in robots}
+    copies.close()
+    assert len(payloads) == 4  # of two episodes each

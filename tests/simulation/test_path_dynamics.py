@@ -144,9 +144,8 @@ def test_the_fastest_squares_are_those_of_brute_force(paths, limits):
 
 
 def replace_rows(rows, nodes):
-    return rows._replace(
-        sigmas=rows.sigmas[nodes], load_rates=rows.load_rates[nodes], speeds=rows.speeds[nodes]
-    )  # fmt: skip
+    changed = {name: getattr(rows, name)[nodes] for name in ("sigmas", "load_rates", "speeds")}
+    return replace(rows, **changed)
 
 
 def test_the_fastest_clock_is_shorter_than_the_quintic_and_its_jerk_goes_with_the_rise(paths):
