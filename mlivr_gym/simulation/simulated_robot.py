@@ -220,7 +220,7 @@ class SimulatedRobot:
             stop = min(start + period, last)
             recovering = free and phase != "approach"
             followed.append(
-                self._joint_controller.run(reference.at(slice(start, stop)), held, recovering)
+                self._joint_controller.run(reference.at(np.arange(start, stop)), held, recovering)
             )
             if guides:
                 mujoco.mj_kinematics(self.model, self.data)
