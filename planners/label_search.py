@@ -178,7 +178,7 @@ def cheapest_path(
     search_graph
         The nodes, the edges checked so far, and the cost to minimise.
     h
-        Consistent lower bounds of the cost from each node to the goal, shape (n,).
+        Lower bounds of the cost from each node to the goal, 0 there alone, shape (n,).
     origins
         Where the path may start.
     labels

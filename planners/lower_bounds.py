@@ -49,8 +49,8 @@ class GoalBounds(NamedTuple):
     cost: Cost
     """The cost."""
     h: Array
-    """The bounds, 0 at the goal alone and consistent, shape (n,); infinite where no path leads to
-    the goal, and possibly where no path leads from the start."""
+    """The bounds, 0 at the goal alone, shape (n,); infinite where no path leads to the goal, and
+    possibly where no path leads from the start. Those computed here are consistent."""
     is_tight: BoolArray
     """Whether each bound is the relaxed cost-to-go, and not only below it, shape (n,)."""
     occupied: frozenset[int]

@@ -47,7 +47,8 @@ class PathSearch(ABC):
     expanded, generated
         Number of states expanded and generated.
     backward_expanded
-        Number of nodes that backward searches settled to compute the lower bounds.
+        Number of nodes that backward searches settled, and labels that they expanded, to compute
+        the lower bounds; they count for no limit.
     starts_at_goal
         Whether the start is at the goal.
     """

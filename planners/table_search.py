@@ -7,9 +7,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
   Likhachev 2014), and checked when a path uses it, or before if another edge of its nodes seemed
-  clear and was blocked. Searches from the start and from the goal take turns, each of which may
-  expand more labels than the one before: those from the goal raise the bounds. If this takes long,
-  all nodes are checked, and among obstacles the stages of more limbs follow.
+  clear and was blocked. Searches from the start and from the goal take turns, each pair with twice
+  as many labels as the one before; those from the goal raise the bounds. If this takes long, all
+  nodes on the way are checked among obstacles, and the stages of more limbs follow.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
@@ -56,9 +56,9 @@ WITH_OLD_BOUNDS = 1000
 to the goal; to expand this many takes less time than to compute new bounds."""
 
 FIRST_LIMIT, BEFORE_NODES = 500, 15_000
-"""Labels of two limbs that the first search expands where edges are to be checked, and then one
-from the goal; each pair of searches has twice the labels of the one before. With so many as the
-second number, all nodes are checked and weighted stages begin."""
+"""Labels of two limbs that the first search expands where edges are to be checked, and the first
+one from the goal, of each pair of searches twice as many as of the one before; and the number of
+them with which there is no further pair."""
 
 EDGES_AT_ONCE = 4
 """Edges of a path that are checked at once: after one that keeps no branch the others can wait."""
@@ -72,7 +72,7 @@ class TableSearch(PathSearch):
         super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._present = lower_bounds, lower_bounds.graph.present
         self._checks_before, self._last_expanded = self._present.check_effort, 0
-        self._is_complete = self._is_exhausted = False
+        self._has_ended = self._is_exhausted = False
         self._labels = lower_bounds.labels
         self._origin_paths: list[StatePath] = []
         self._set_origins(StatePath((start,), self.start_posture.base_position))
@@ -273,8 +273,8 @@ class TableSearch(PathSearch):
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
-        self._is_complete = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
-        self._is_exhausted = self._is_complete and found.path is None
+        self._has_ended = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
+        self._is_exhausted = self._has_ended and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
         # A heuristic that overestimates proves nothing but that no path is left.
@@ -344,7 +344,7 @@ class TableSearch(PathSearch):
     def bound(self) -> float:
         """Return the factor of the minimum within which the incumbent is proved."""
         proved = super().bound()
-        if self._is_complete and self.graph.lists_all:
+        if self._has_ended and self.graph.lists_all:
             return min(proved, self.search.guaranteed_bound)
         return proved
 

@@ -204,7 +204,7 @@ class Statistics:
     search_time: Annotated[float, NOT_NEGATIVE] = 0.0
     """Time spent on the search and on step checks [s]."""
     backward: Annotated[int, COUNT] = 0
-    """Number of nodes that backward searches settled to compute the lower bounds."""
+    """Number of nodes and labels from which backward searches computed the lower bounds."""
     bound: Annotated[float | None, OrNone(Tuples((), 1.0))] = None
     """Factor of the optimal cost within which the cost is proved to lie, 1 for an optimal plan;
     None if nothing is proved."""
