@@ -156,7 +156,8 @@ def place_follower(
     if to.flips == EMPTY:
         return False
     _set_axes(limb, to)
-    return bool(invert_jacobian(to.joints, proof) >= floor)
+    determinant = invert_jacobian(to.joints, proof)
+    return bool(determinant > 0.0 and determinant >= floor)
 
 
 @kernel

@@ -133,8 +133,8 @@ def dense_knots(
     """Return knots of a motion, shape (k, N, 6) [rad], so dense that their spline is close to it.
 
     They are the control points of the spline where these count most (`control_places`). In the
-    middles between them the robot is within `tolerance` [m] of the motion, unless `MOST_PIECES` are
-    too few for that.
+    middles between them the robot is within `tolerance` [m] of the motion. Raises a `PlanError` if
+    `MOST_PIECES` are too few for that.
     """
     leader = int(ends.limb == 0)
     still = JointPath(
@@ -146,13 +146,16 @@ def dense_knots(
         joints = curve(_places_and_middles(pieces))
         knots, lines = joints[::2], 0.5 * (joints[2::2] + joints[:-2:2])
         moved = np.einsum("kij,ij->ki", np.abs(lines - joints[1::2]), radii)
-        # What a limb does comes on top of where the leader puts the base.
-        far = moved[:, leader] + moved[:, others].max(axis=1)
+        # What a limb does comes on top of where the leader puts the base, or of another limb.
+        most = np.sort(moved[:, others], axis=1)[:, ::-1]
+        far = most[:, 0] + np.maximum(moved[:, leader], most[:, 1:2].sum(axis=1))
         # The spline is off by up to 4 / 3 of what lines are.
         slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
         off = max(4.0 / 3.0 * float(far.max()), slip)
-        if off <= 1.0 or pieces == MOST_PIECES:
+        if off <= 1.0:
             return knots
+        if pieces == MOST_PIECES:
+            raise PlanError(f"{MOST_PIECES} knots are too few for the motion that was checked")
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
 
 

@@ -28,6 +28,7 @@ from mlivr_gym.compiled.bit_sets import (
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
+    FEW,
     are_apart,
     begin,
     each_alone,
@@ -44,7 +45,7 @@ MIDDLES = cast(int, np.int64(8))
 
 @entry
 def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_rows: Any) -> None:
-    """Relax the steps from `start` to `stop`: write the branches that they keep at most.
+    """Relax the steps from `start` to `stop` - 1: write the branches that they keep at most.
 
     For the parameters see `steps.check_all`.
     """
@@ -61,7 +62,11 @@ def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_r
         after = context.stances.releases[step.after, step.limb]
         if before.branches == 0 or after.branches == 0:
             continue
-        # Most branches that are lost are lost in a middle, which is quick to see.
+        # Most branches that are lost are lost in a middle, which is quick to see. In which other
+        # middles than these a step compares |det J| with the floor depends on what is close there.
+        if not each_alone(FEW, step, context, scratch):
+            continue
+        scratch.line.floor = 0.0
         if not each_alone(MIDDLES, step, context, scratch):
             continue
         if not each_alone(WHOLE, step, context, scratch):
