@@ -26,7 +26,6 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.errors import GoalError, StanceError
 from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner
 from mlivr_gym.stances import StanceGraph
-from mlivr_gym.stances.present_table import LOOK, PresentTable
 
 PLANNERS, TABLE = "mlivr_gym.planners", "mlivr_gym.planners.table_search"
 PRESENT = "mlivr_gym.stances.present_table.PresentTable"
@@ -55,11 +54,6 @@ def weights(*among_obstacles: float, free: tuple[float, ...] = (1.3,)) -> dict[s
     return {f"{TABLE}.AMONG_OBSTACLES": among_obstacles, f"{TABLE}.FREE": free}
 
 
-def looked_alone(present: PresentTable, nodes: Any, least: int) -> None:
-    """Take every look for granted until a path leads over its edge."""
-    present.doubts[nodes] = np.maximum(present.doubts[nodes], min(least, LOOK))
-
-
 ALL: dict[str, Any] = {}
 AT_ONCE = {f"{TABLE}.EDGES_AT_ONCE": 10**9}
 FEW_LIMBS = {
@@ -68,18 +62,15 @@ FEW_LIMBS = {
         f"{TABLE}.TableSearch._improved_bounds": lambda search, bounds, limit: bounds
     },
     "all edges of a path at once": AT_ONCE,
-    "last stage alone": weights(),
-    "no stage of weight 3": weights(1.3),
     "no looks before checks": {f"{PRESENT}.look": lambda present, edges: present.kept(edges)},
-    "blocked edges raise no doubts": {f"{PRESENT}._doubt": looked_alone},
-    "searches from both ends alone": {f"{TABLE}.BEFORE_NODES": 10**9},
+    "nodes are not all checked": {f"{TABLE}.MANY": 10**9},
 }
 MANY_LIMBS = {
     "all": ALL,
     "all edges of a path at once": AT_ONCE,
     "last stage alone": weights(free=()),
-    "no stage of weight 3": weights(1.3),
-    "no stage of weight 1.3": weights(3.0, free=()),
+    "other weights": weights(1.3, free=(3.0,)),
+    "two weights": weights(3.0, 1.3, free=(3.0, 1.3)),
     "no table": {"mlivr_gym.stances.stance_graph.StanceGraph.table": None},
 }
 NO_TABLE = {

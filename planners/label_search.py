@@ -60,7 +60,7 @@ from mlivr_gym.planners.open_queue import (
 from mlivr_gym.stances.checked_edges import CheckedEdges, slot_of
 from mlivr_gym.stances.node_edges import branches_lost, row_of
 from mlivr_gym.stances.node_table import NodeTable
-from mlivr_gym.stances.present_table import CHECK, NO_DOUBTS, NO_NODES, NONE
+from mlivr_gym.stances.present_table import NO_NODES
 
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,
@@ -93,9 +93,8 @@ class SearchGraph(NamedTuple):
     """Weights of the cost."""
     unchecked: BoolArray = NO_NODES
     """Nodes to be checked when a label of them is popped, shape (n,), or (0,) if there are none."""
-    doubts: NDArray[np.uint8] = NO_DOUBTS
-    """What is to be done for edges from and to each node, see `PresentTable.doubts`, shape (n,), or
-    (0,) if nothing is."""
+    unsure: BoolArray = NO_NODES
+    """Nodes with edges that may not be known, see `PresentTable.unsure`, shape (n,), or (0,)."""
 
 
 class SearchParameters(NamedTuple):
@@ -314,7 +313,7 @@ def _expand(
     search_graph: SearchGraph, h: Array, status: SearchStatus, label: int, labels: Labels
 ) -> None:
     """Generate the successors of a label."""
-    table, checked_edges, weights, _, doubts = search_graph
+    table, checked_edges, weights, _, unsure = search_graph
     limbs = table.points.shape[1]
     s, branch_sets = int(labels.queue.node[label]), labels.branch_sets[label]
     for limb in range(limbs):
@@ -337,14 +336,12 @@ def _expand(
                 & supports_of(table.branch_sets[other], moved, limbs)
                 & ~branches_lost(table, row + k)
             )
-            doubt = max(doubts[s], doubts[other]) if len(doubts) else NONE
-            checked = doubt == NONE
+            checked = len(unsure) == 0 or not (unsure[s] or unsure[other])
             if checked_edges.has_edges[s]:
                 slot = slot_of(checked_edges, row + k)
                 if checked_edges.keys[slot] == row + k:
                     kept &= checked_edges.kept[slot]
-                    # A look is enough where no other edge that seemed clear was blocked.
-                    checked = checked_edges.is_exact[slot] or doubt < CHECK
+                    checked = True
             if not each_keeps_one(kept, limbs):
                 continue
             cost = labels.cost[label] + edge_cost(table, s, other, moved, weights)

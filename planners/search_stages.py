@@ -1,6 +1,6 @@
 """Stages of a search over a table, used in order until a path is proved good enough.
 
-It is an anytime search: weighted A* with decreasing weights finds a first path soon and better ones
+It is an anytime search: weighted A* finds a first path soon and better ones
 later, as in ARA* (Likhachev, Gordon and Thrun 2003), but every stage starts anew (Richter, Thayer
 and Ruml 2010), with the incumbent of the stage before. The last one has every label, so that its
 path, once all of its edges were checked, is optimal.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from mlivr_gym.planners.label_search import SearchParameters
 
-FREE, AMONG_OBSTACLES = (1.3,), (3.0, 1.3)
+FREE, AMONG_OBSTACLES = (1.3,), (3.0,)
 """Weights of the stages before the last one; among obstacles many a path turns out to be blocked,
 and with a larger weight each takes less time to find."""
 

@@ -6,10 +6,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
 * *Two limbs, complete table*: every edge is exact, so the first path is optimal without any check.
 * *Two limbs, incomplete table* (obstacles, or settings whose table was not built): an edge is
   looked at when its label leaves the open queue, as in Lazy Weighted A* (Cohen, Phillips and
-  Likhachev 2014), and checked when a path uses it, or before if another edge of its nodes seemed
-  clear and was blocked. Searches from the start and from the goal take turns, each pair with twice
-  as many labels as the one before; those from the goal raise the bounds. If this takes long, all
-  nodes on the way are checked among obstacles, and the stages of more limbs follow.
+  Likhachev 2014), and checked when a path uses it. Searches from the start and from the goal take
+  turns, each pair with twice as many labels as the one before; those from the goal raise the
+  bounds. If this takes long, all nodes on the way are checked.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
   branch. Nodes are checked when they are popped. Several stages follow each other, see
@@ -55,10 +54,10 @@ WITH_OLD_BOUNDS = 1000
 """Labels that a search expands with bounds from before some points were occupied, which mostly lead
 to the goal; to expand this many takes less time than to compute new bounds."""
 
-FIRST_LIMIT, BEFORE_NODES = 500, 15_000
+FIRST_LIMIT, MANY = 500, 8000
 """Labels of two limbs that the first search expands where edges are to be checked, and the first
-one from the goal, of each pair of searches twice as many as of the one before; and the number of
-them with which there is no further pair."""
+one from the goal, of each pair of searches twice as many as of the one before; and with how many of
+them all nodes on the way are checked, so that the bounds tell of what obstacles cut off."""
 
 EDGES_AT_ONCE = 4
 """Edges of a path that are checked at once: after one that keeps no branch the others can wait."""
@@ -125,17 +124,17 @@ class TableSearch(PathSearch):
             yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
         bounds, limit = known or self._new_bounds(), FIRST_LIMIT
-        while not is_complete and limit < BEFORE_NODES:
-            yield bounds, (by_cost._replace(max_expansions=limit),)
-            bounds, limit = self._improved_bounds(self._bounds_of_rest(bounds), limit), 2 * limit
-            if bounds.h[self._origins.nodes].min() == np.inf:
-                self.lower_bound = np.inf
-                return
-        if self.graph.obstacles:
-            self._check_nodes(np.flatnonzero(bounds.h < np.inf))
-            yield self._bounds_of_rest(bounds), stages(AMONG_OBSTACLES, by_cost)
-        else:
+        if is_complete:
             yield bounds, (by_cost,)
+            return
+        while bounds.h[self._origins.nodes].min() < np.inf:
+            yield bounds, (by_cost._replace(max_expansions=limit),)
+            if self._has_ended or self.is_late or self.expanded >= search.limit:
+                return
+            if limit >= MANY:
+                self._check_nodes(np.flatnonzero(bounds.h < np.inf))
+            bounds, limit = self._improved_bounds(self._bounds_of_rest(bounds), limit), 2 * limit
+        self.lower_bound = np.inf
 
     def _bounds_for_many(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield bounds and stages of more than two limbs, whose checks take long.
@@ -212,7 +211,7 @@ class TableSearch(PathSearch):
         """Return the graph of a search with the cost of some bounds."""
         present, weights = self._present, self._lower_bounds.weights(goal_bounds.cost)
         known = present.table, present.checked_edges
-        return SearchGraph(*known, weights, present.unchecked, present.doubts)
+        return SearchGraph(*known, weights, present.unchecked, present.unsure)
 
     def _bounds_of_rest(self, goal_bounds: GoalBounds) -> GoalBounds:
         """Return bounds that are no less than those over what is not known to be blocked."""
@@ -286,14 +285,17 @@ class TableSearch(PathSearch):
     def _look_at(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Look at edges; return an upper bound of the branches after them, 0 for no step, (k,).
 
+        Edges that are not known without obstacles are checked, than which nothing is quicker then.
         Raises `OutOfTime` once the effort is spent.
         """
         if self.effort >= self.search.effort:
             raise OutOfTime
         present = self._present
-        for piece in self.clock.pieces("looks", len(edges)):
-            present.look(edges[piece])
-        self._check_edges(present.doubted(edges))
+        if present.is_known:
+            for piece in self.clock.pieces("looks", len(edges)):
+                present.look(edges[piece])
+        else:
+            self._check_edges(edges)
         kept = present.checked_edges.kept_on(edges)
         return present.branch_sets_after(edges, branch_sets, kept)
 

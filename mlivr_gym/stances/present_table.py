@@ -39,12 +39,6 @@ EDGE_EFFORT, NODE_EFFORT = 250, 4
 NO_NODES = np.empty(0, dtype=np.bool_)
 """No nodes that a search checks."""
 
-NONE, LOOK, CHECK = range(3)
-"""What is to be done for an edge before it is used: nothing, a look at a few places, or a check."""
-
-NO_DOUBTS = np.empty(0, dtype=np.uint8)
-"""No doubts about edges of nodes."""
-
 AT_ONCE = 4096
 """Number of edges that are checked at once where all are."""
 
@@ -58,9 +52,9 @@ class PresentTable:
         The table; nodes and edges that were checked have the branches that remain in this world.
     checked_edges
         Edges that were looked at or checked, with the branches that their supports keep at most.
-    doubts
-        For each node how much is to be done for an edge from or to it, `NONE`, `LOOK` or `CHECK`,
-        shape (n,). Of both ends of an edge the larger counts.
+    unsure
+        Whether an edge from or to each node may not be known in this world before it was looked at
+        or checked, shape (n,), or (0,) if every edge is known.
     is_complete
         Whether the table holds every edge exactly, so that none needs a check.
     unchecked
@@ -82,8 +76,8 @@ class PresentTable:
         self.table, self.check_effort, self.unchecked = known.nodes, 0, NO_NODES
         self.is_complete = known.is_exact and not graph.obstacles
         self.checked_edges = CheckedEdges.empty(len(self.table.points))
-        count = len(self.table.points)
-        self.doubts = np.full(count, NONE if known.is_exact else CHECK, dtype=np.uint8)
+        count = 0 if known.is_exact else len(self.table.points)
+        self.unsure = np.ones(count, dtype=np.bool_)
         self._changed: list[IntArray] = []
         self._cells: PositionCells | None = None
         self._is_close = self._is_at_step = np.zeros(len(self.table.points), dtype=np.bool_)
@@ -125,7 +119,7 @@ class PresentTable:
         if self._boxes:
             self._is_close, self._is_at_step = self._around(self.graph.obstacle_grid)
             self.unchecked = self._is_close.copy()
-            self._doubt(self._is_at_step, LOOK)
+            self.unsure = self._is_at_step if self._known.is_exact else self.unsure
 
     def _continue(self, previous: PresentTable) -> None:
         """Start from what was found before some obstacles were added.
@@ -146,8 +140,7 @@ class PresentTable:
                 previous._is_at_step | at_step,
             )
             self.unchecked = unchecked | close
-            self.doubts = previous.doubts
-            self._doubt(self._is_at_step, LOOK)
+            self.unsure = self._is_at_step if self._known.is_exact else self.unsure
             self._restore(np.flatnonzero(close))
         self.checked_edges = previous.checked_edges.without_nodes(self.table, self._is_at_step)
         edges, kept = self.checked_edges.all_edges()
@@ -199,19 +192,11 @@ class PresentTable:
         """Return nodes as the step check reads them, see `node_stances`."""
         return node_stances(self.graph.grasp_map, self.graph.robot, table, rows, relabellings)
 
-    def _doubt(self, nodes: IntArray | BoolArray, least: int) -> None:
-        """Raise the doubts about nodes, given by their rows or flags, to some level."""
-        self.doubts[nodes] = np.maximum(self.doubts[nodes], least)
-
-    def _doubts_about(self, edges: IntArray) -> NDArray[np.uint8]:
-        """Return the doubts about edges, shape (k,)."""
-        (before, _), (after, _), _ = edge_ends(self.table, edges)
-        return np.maximum(self.doubts[before], self.doubts[after])
-
     def undecided(self, edges: IntArray) -> IntArray:
         """Return the edges that take time to check, ascending, each once."""
         edges = np.unique(edges[~self.checked_edges.are_exact(edges)])
-        return edges[self._doubts_about(edges) > NONE]
+        (before, _), (after, _), _ = edge_ends(self.table, edges)
+        return edges[self.unsure[before] | self.unsure[after]] if len(self.unsure) else edges[:0]
 
     def kept(self, edges: IntArray) -> NDArray[np.uint64]:
         """Check edges once; return the branches that supports keep, as `supports_of`, shape (k,).
@@ -227,23 +212,10 @@ class PresentTable:
         return self.checked_edges.kept_on(edges)
 
     def look(self, edges: IntArray) -> None:
-        """Look at edges that are known without obstacles, once, in a few places each.
-
-        Others are left to checks, than which nothing is quicker then.
-        """
+        """Look at edges that are known without obstacles, once, in a few places each."""
         edges = np.unique(edges[~self.checked_edges.contains(edges)])
-        if self._known.is_exact and len(edges):
+        if len(edges):
             self._look(edges)
-
-    def doubted(self, edges: IntArray) -> IntArray:
-        """Return the edges that are to be checked though they seem clear, ascending, each once.
-
-        They are those of nodes of which another edge seemed clear and is blocked, and edges at
-        which nobody can look.
-        """
-        edges = np.unique(edges[~self.checked_edges.are_exact(edges)])
-        clear = ~self.checked_edges.contains(edges) | (self.checked_edges.kept_on(edges) != 0)
-        return np.asarray(edges[clear & (self._doubts_about(edges) == CHECK)])
 
     def _look(self, edges: IntArray) -> None:
         """Look at edges that are known without obstacles, in a few places each."""
@@ -261,7 +233,6 @@ class PresentTable:
         """Check edges, shape (k,), and store the results; far from obstacles they may be known."""
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept, some, free = kept_by_table(self.table, edges), np.arange(len(edges)), None
-        seemed = self.checked_edges.contains(edges) & (self.checked_edges.kept_on(edges) != 0)
         if self._known.is_exact:
             some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
             free = kept[some]
@@ -277,7 +248,6 @@ class PresentTable:
         kept[some] &= _of_supports(found, steps["limb"])
         kept[~_is_step(kept, graph.limbs)] = 0
         self._record(ends, edges, back, kept, is_exact=True)
-        self._doubt(ends[:, seemed & (kept == 0)].ravel(), CHECK)
 
     def _checked_ends(self, edges: IntArray) -> tuple[IntArray, IntArray]:
         """Check the nodes of edges; return them, before and after, shape (2, k), and those back."""

@@ -210,27 +210,3 @@ def test_narrow_joint_limits_take_steps_away(small_map):
     wide, narrow = (len(step_tables(stance_graph(small_map, robot, NO_COLLISIONS)).after)
                     for robot in (WIDE, NARROW))  # fmt: skip
     assert 0 < narrow < wide
-
-
-def test_edges_of_nodes_are_checked_once_a_look_at_one_of_them_was_wrong(small_map, filled):
-    """Of these that look clear, and only until each was checked."""
-    graph, misled = filled(2), 0
-    centre = graph.base_position.mean(axis=0)
-    graph.add_obstacles([Box.between("box", "obstacle", centre - 0.15, centre + 0.15)])
-    present, edges = graph.present, every_edge(graph.table)
-    present.look(edges)
-    clear = edges[present.checked_edges.kept_on(edges) != 0]
-    assert not len(present.doubted(edges))
-    for edge in np.random.default_rng(4).permutation(clear)[:400].tolist():
-        if present.kept(np.array([edge]))[0]:
-            continue
-        (before, _), (after, _), _ = edge_ends(graph.table, edges)
-        (a, _), (b, _), _ = edge_ends(graph.table, np.array([edge]))
-        doubted = present.doubted(edges)
-        at_ends = np.isin(before, [a, b]) | np.isin(after, [a, b])
-        unknown = at_ends & np.isin(edges, clear) & ~present.checked_edges.are_exact(edges)
-        assert set(edges[unknown].tolist()) <= set(doubted.tolist())
-        present.kept(doubted)
-        misled += 1
-    assert misled
-    assert not np.isin(present.doubted(edges), edges[present.checked_edges.are_exact(edges)]).any()
