@@ -49,8 +49,8 @@ class Group(NamedTuple):
     """Whether a wall stands across the cabin, every second one up to its ceiling."""
 
 
-def weights(*among_obstacles: float, free: tuple[float, ...] = (1.3,)) -> dict[str, Any]:
-    """Return the patches that let the stages before the last one have other weights."""
+def weights(among_obstacles: float, free: float) -> dict[str, Any]:
+    """Return the patches that give the first stage of more than two limbs other weights."""
     return {f"{TABLE}.AMONG_OBSTACLES": among_obstacles, f"{TABLE}.FREE": free}
 
 
@@ -68,9 +68,8 @@ FEW_LIMBS = {
 MANY_LIMBS = {
     "all": ALL,
     "all edges of a path at once": AT_ONCE,
-    "last stage alone": weights(free=()),
-    "other weights": weights(1.3, free=(3.0,)),
-    "two weights": weights(3.0, 1.3, free=(3.0, 1.3)),
+    "weight 1": weights(1.0, 1.0),
+    "weights exchanged": weights(1.3, 3.0),
     "no table": {"mlivr_gym.stances.stance_graph.StanceGraph.table": None},
 }
 NO_TABLE = {

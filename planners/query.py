@@ -196,7 +196,7 @@ class SearchQuery:
     """Whether the search is an anytime search of more than two limbs: it finds some plan soon and
     better ones later, until one is proved within `inflation` or the time is over, see
     `implicit_search`. Over a node table every search of an optimal plan is one, see
-    `search_stages`."""
+    `table_search`."""
     start_time: float = 0.0
     """Time at which the query was made, on the clock of `time.perf_counter` [s]."""
     clock: Clock = UNLIMITED

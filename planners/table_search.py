@@ -11,8 +11,9 @@ the cost of all plans from below, and nearly all edges keep that bound. There ar
   bounds. If this takes long, all nodes on the way are checked.
 * *Three or four limbs*: a check takes long, so as in LazySP (Dellin and Srinivasa 2016) the edges
   of a path are checked after it is found, and the search is repeated while one of them keeps no
-  branch. Nodes are checked when they are popped. Several stages follow each other, see
-  `search_stages`; each path becomes the incumbent, with an optimality bound.
+  branch. Nodes are checked when they are popped. It is an anytime search: a stage of weighted A*
+  finds a path soon; it becomes the incumbent of the last stage, which has every label and starts
+  anew (Richter, Thayer and Ruml 2010), so that its path, once all edges were checked, is optimal.
 """
 
 from __future__ import annotations
@@ -39,13 +40,6 @@ from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import Goal, SearchQuery
-from mlivr_gym.planners.search_stages import (
-    AMONG_OBSTACLES,
-    BY_WEIGHT,
-    FEW_LABELS,
-    FREE,
-    stages,
-)
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.transitions.state import State
@@ -58,6 +52,20 @@ FIRST_LIMIT, MANY = 500, 8000
 """Labels of two limbs that the first search expands where edges are to be checked, and the first
 one from the goal, of each pair of searches twice as many as of the one before; and with how many of
 them all nodes on the way are checked, so that the bounds tell of what obstacles cut off."""
+
+FREE, AMONG_OBSTACLES = 1.3, 3.0
+"""Weights of the first stage of more than two limbs; among obstacles many a path turns out to be
+blocked, and with a larger weight each takes less time to find."""
+
+WEIGHTED = SearchParameters(labels_per_node=8)
+"""That stage, but for its weight."""
+
+IN_GIVEN_ORDER = WEIGHTED._replace(max_expansions=200, check_when_popped=True)
+"""The stage in the order of the queue that the user chose, which the others follow if it finds no
+path, but for the weight of the cost, which is that of the query."""
+
+FEW_LABELS = 100_000
+"""Maximum number of labels of a search after which another one with better bounds can follow."""
 
 EDGES_AT_ONCE = 4
 """Edges of a path that are checked at once: after one that keeps no branch the others can wait."""
@@ -144,26 +152,27 @@ class TableSearch(PathSearch):
         """
         search, goal = self.search, self.goal
         known = self._lower_bounds.cached(goal, self._origins.nodes)
-        every = stages(AMONG_OBSTACLES if self.graph.obstacles else FREE, SearchParameters())
-        first = (every[0]._replace(max_labels=FEW_LABELS),)
+        weight = AMONG_OBSTACLES if self.graph.obstacles else FREE
+        weighted, last = WEIGHTED._replace(cost_weight=1.0 / weight), SearchParameters()
+        first = (weighted._replace(max_labels=FEW_LABELS),)
         if search.has_given_order:
             if search.method != "dijkstra":
                 known = known or self._bounds(goal)
                 self._raise_lower_bound(known)
             bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
-                yield bounds, every[-1:]
+                yield bounds, (last,)
                 return
-            yield bounds, (BY_WEIGHT._replace(cost_weight=search.cost_weight),)
+            yield bounds, (IN_GIVEN_ORDER._replace(cost_weight=search.cost_weight),)
         if known is not None and known.occupied == self.graph.occupied:
-            yield known, every
+            yield known, (weighted, last)
             return
         if known is not None:
             yield known, first
         if not goal.cost.counts_steps and not self.has_path:
             yield self._bounds(replace(goal, cost=Cost.named("steps"))), first
         if not self.is_late:
-            yield self._new_bounds(), every
+            yield self._new_bounds(), (weighted, last)
 
     def _new_bounds(self) -> GoalBounds:
         """Return bounds with the points that are occupied now."""
