@@ -301,10 +301,12 @@ class TableSearch(PathSearch):
             raise OutOfTime
         present = self._present
         if present.is_known:
+            (before, _), (after, _), _ = edge_ends(present.table, edges)
+            self._check_nodes(np.unique(np.concatenate([before, after])))
             for piece in self.clock.pieces("looks", len(edges)):
                 present.look(edges[piece])
         else:
-            self._check_edges(edges)
+            self._check_edges(present.undecided(edges))
         kept = present.checked_edges.kept_on(edges)
         return present.branch_sets_after(edges, branch_sets, kept)
 

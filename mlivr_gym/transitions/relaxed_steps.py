@@ -28,7 +28,6 @@ from mlivr_gym.compiled.bit_sets import (
 from mlivr_gym.compiled.kernels import entry, kernel
 from mlivr_gym.transitions.records import StepContext, StepRecord, StepScratch
 from mlivr_gym.transitions.steps import (
-    FEW,
     are_apart,
     begin,
     each_alone,
@@ -62,11 +61,7 @@ def relax_all(start: int, stop: int, steps: Any, context: StepContext, scratch_r
         after = context.stances.releases[step.after, step.limb]
         if before.branches == 0 or after.branches == 0:
             continue
-        # Most branches that are lost are lost in a middle, which is quick to see. In which other
-        # middles than these a step compares |det J| with the floor depends on what is close there.
-        if not each_alone(FEW, step, context, scratch):
-            continue
-        scratch.line.floor = 0.0
+        # Most branches that are lost are lost in a middle, which is quick to see.
         if not each_alone(MIDDLES, step, context, scratch):
             continue
         if not each_alone(WHOLE, step, context, scratch):

@@ -37,7 +37,7 @@ ENTRIES = (
 
 def test_no_plan_needs_a_second_version_of_an_entry(small_map, monkeypatch):
     """Whatever is asked of them the types are the same: nothing is compiled a second time."""
-    monkeypatch.setattr(table_search, "BEFORE_NODES", 1)
+    monkeypatch.setattr(table_search, "MANY", 1)
     before = {one: set(one.signatures) for one in ENTRIES}  # of other tests
     graph = stance_graph(small_map)
     start, goal = graph.ids(graph.points[0]), graph.base_position[-1].tolist()

@@ -135,7 +135,7 @@ def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
 @pytest.mark.parametrize("cost", ["steps", "base"])
 def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch, cost):
     """After they are gone plans cost what they cost a planner that never saw them."""
-    monkeypatch.setattr("mlivr_gym.planners.table_search.BEFORE_NODES", 1)
+    monkeypatch.setattr("mlivr_gym.planners.table_search.MANY", 1)
     graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
     planner = Planner(graph)
     for _ in range(10):
