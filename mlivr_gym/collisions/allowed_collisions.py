@@ -2,7 +2,7 @@
 
 Every other pair of the robot's shapes, and every shape with every box, is compared in each stance
 and along each motion. `LimbShapes` (and with it the compiled checks), `contacts` and the MuJoCo
-scene omit exactly these pairs.
+scene omit these pairs, and those that a robot tells by its field `apart`.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Distances between pairs of shapes, for explanations, pictures and tests.
 
-This is the plain definition of the collision checks: every pair is compared, without a grid.
+This is the plain definition of the collision checks: every pair is compared, without a grid. Only
+the body is its exact box here.
 """
 
 from __future__ import annotations

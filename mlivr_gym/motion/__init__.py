@@ -4,7 +4,8 @@ A `Plan` is a sequence of steps, each with its joint path, which is what is exec
 drawn. Three motions of a step are close to each other: the one that was checked, on which supports
 follow a straight base exactly (`transitions.steps`); the knots, taken from it (`straight_base`);
 and the spline of the knots, which is executed (`joint_path`). How far the last is from the first is
-measured in the middles between knots, and the check keeps so much more than the clearance.
+measured in the middles between knots, and while the base moves the check keeps so much more than
+the clearance.
 """
 
 from typing import TYPE_CHECKING

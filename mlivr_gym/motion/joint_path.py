@@ -51,7 +51,8 @@ CUBIC = 3
 """Degree of the spline of a segment with four knots and more."""
 
 HOLD_TOLERANCE = 2e-4
-"""Largest slip of a support limb between two knots [m]."""
+"""Largest slip of a support limb [m]; on lines between knots half of it is aimed at, since their spline
+slips by up to 4 / 3 of that."""
 
 GRIP_RADIUS = 0.1
 """Size of a gripper, by which a turn of it counts as slip [m]."""
@@ -73,7 +74,7 @@ class StepMotion:
 
 @dataclass(frozen=True)
 class JointPath:
-    """The motion of one step: knots with straight lines between them, and the limb that leads."""
+    """The motion of one step: knots, the control points of a spline, and the limb that leads."""
 
     robot: RobotSpec
     """The robot."""

@@ -230,7 +230,7 @@ def _check_steps(graph: StanceGraph, motion: Motion, expected: CommittedMotion) 
 def _check_joint_path(place: str, path: JointPath) -> None:
     """Check that supports hold their points along a joint path, and joints stay in their windows.
 
-    Between two knots grippers of support limbs are farthest off in the middle.
+    On a line between two knots grippers of support limbs are farthest off in the middle.
     """
     middles = 0.5 * (path.knots[1:] + path.knots[:-1])
     for name, joints, most in (("at", path.knots, TOLERANCE), ("after", middles, HOLD_TOLERANCE)):

@@ -29,8 +29,8 @@ RATES = ("vx", "vy", "vz", "wx", "wy", "wz")
 def save_npz(trajectory: Trajectory, path: str | Path) -> None:
     """Write a trajectory as a NumPy archive; the file is replaced as a whole or not at all.
 
-    In addition to the fields of `Trajectory` the archive holds `joint_names` and `phases`, the
-    names of the phases. Raises a `FileError` if the file cannot be written.
+    The archive has the fields of `Trajectory`, with `point_ids` as `points`, and the names of the
+    phases, `phases`. Raises a `FileError` if the file cannot be written.
     """
     stream = io.BytesIO()
     np.savez_compressed(

@@ -3,7 +3,7 @@
 The base goes on a straight line and by slerp from one posture to the other, and each support limb
 follows it on its branch, see `collisions.following`. The limb that moves stays in a fold that it
 has at both stances, or goes on a line in joint space from above one point to above the other. The
-first such swing, in a fixed order, beside which every support keeps a branch is that of the step.
+first such swing, in a fixed order, beside which every support keeps a branch proves the step.
 Where only one limb supports the robot, its branches need no swing in common: it keeps each branch
 that some swing serves.
 
