@@ -51,8 +51,8 @@ CUBIC = 3
 """Degree of the spline of a segment with four knots and more."""
 
 HOLD_TOLERANCE = 2e-4
-"""Largest slip of a support limb [m]; on lines between knots half of it is aimed at, since their spline
-slips by up to 4 / 3 of that."""
+"""Largest slip of a support limb [m]; half of it is aimed at on lines between knots, since their
+spline slips by up to 4 / 3 of that."""
 
 GRIP_RADIUS = 0.1
 """Size of a gripper, by which a turn of it counts as slip [m]."""
