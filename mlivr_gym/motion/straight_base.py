@@ -28,7 +28,7 @@ from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.steps import KEPT_CLEAR, line_clear
 
-FEWEST_PIECES, MOST_PIECES = 8, 512
+FEWEST_PIECES, MOST_PIECES = 8, 4096
 """Fewest and most pieces of the spline of a segment while the base moves."""
 
 LINES = ScratchPool(LineScratch)
@@ -159,7 +159,7 @@ def dense_knots(
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
 
 
-@lru_cache(maxsize=MOST_PIECES)
+@lru_cache(maxsize=512)
 def _places_and_middles(pieces: int) -> Array:
     """Return the places of the control points of a spline of some pieces, and between them."""
     places = control_places(pieces + CUBIC)
