@@ -68,7 +68,8 @@ FEW_LABELS = 100_000
 """Maximum number of labels of a search after which another one with better bounds can follow."""
 
 EDGES_AT_ONCE = 4
-"""Edges of a path that are checked at once: after one that keeps no branch the others can wait."""
+"""Edges of a path among obstacles that are checked at once: after one that is blocked, the others
+can wait. Without obstacles few are no steps; the more of them are known, the fewer searches."""
 
 
 class TableSearch(PathSearch):
@@ -323,8 +324,9 @@ class TableSearch(PathSearch):
         """Check the edges of a path; return its states, None if a limb keeps no branch."""
         present, edges = self._present, path.edges
         sets = [self._origins.branch_sets[path.origin : path.origin + 1]]
-        for first in range(0, len(edges), EDGES_AT_ONCE):
-            piece = edges[first : first + EDGES_AT_ONCE]
+        size = EDGES_AT_ONCE if self.graph.obstacles else max(len(edges), 1)
+        for first in range(0, len(edges), size):
+            piece = edges[first : first + size]
             if not present.is_complete:
                 self._check_edges(present.undecided(piece))
             kept = present.kept(piece)
