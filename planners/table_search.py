@@ -263,6 +263,7 @@ class TableSearch(PathSearch):
                 return None
             states = self._checked_walk(path)
             if states is None:
+                self._has_ended = False  # what it found was blocked
                 continue
             if self.goal.reached(states.positions[-1], states.states[-1].stance):
                 return states if self.cost(states) < cost_limit else None

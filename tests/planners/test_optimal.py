@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from mlivr_gym import Box, Settings, State, stance_graph
-from mlivr_gym.planners import Planner, SearchOptions
+from mlivr_gym.planners import Planner, SearchOptions, table_search
 from mlivr_gym.planners.costs import Cost
 
 
@@ -124,3 +124,11 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
                 assert least - 1e-9 <= min(greedy.cost, fast.cost)
                 assert fast.cost <= 1.5 * least + 1e-9
     assert sum(outcomes) > 10
+
+
+@pytest.mark.parametrize("first", [1, 6])
+def test_so_are_those_of_searches_that_give_way_at_once(truth, first, monkeypatch):
+    """From the start and from the goal in turn, also where a path of the last label is blocked."""
+    monkeypatch.setattr(table_search, "FIRST_LIMIT", first)
+    monkeypatch.setattr(table_search, "MANY", 4 * first)
+    test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, "steps", None)
