@@ -126,9 +126,9 @@ def test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, name, price):
     assert sum(outcomes) > 10
 
 
-@pytest.mark.parametrize("first", [1, 6])
-def test_so_are_those_of_searches_that_give_way_at_once(truth, first, monkeypatch):
+@pytest.mark.parametrize(("first", "cost"), [(1, "steps"), (8, "base")])
+def test_so_are_those_of_searches_that_give_way_at_once(truth, first, cost, monkeypatch):
     """From the start and from the goal in turn, also where a path of the last label is blocked."""
     monkeypatch.setattr(table_search, "FIRST_LIMIT", first)
     monkeypatch.setattr(table_search, "MANY", 4 * first)
-    test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, "steps", None)
+    test_existence_and_cost_of_plans_are_those_of_dijkstra(truth, cost, None)
