@@ -97,8 +97,8 @@ Planners that others wrote, on {data["tasks"]} held-out tasks of each environmen
 
 The fewest steps. In the graph libraries nodes are the stances, edges the valid steps, the goal a
 virtual node joined to every goal stance; building is not in their times. Their A* has the
-consistent heuristic. Branches are left out, with which the graph would have 1.7 million states and
-151 million steps: a path may cost less than any executable walk (*lower*). The times of this
+consistent heuristic. Branches are left out, which would multiply states and
+steps: a path may cost less than any executable walk (*lower*). The times of this
 planner are those of the whole call, with the motion of all joints.
 {walks}
 ## Single steps
