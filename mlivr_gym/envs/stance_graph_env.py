@@ -72,6 +72,9 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
     @locked
     def moves(self) -> Moves:
         """The steps in the present world, from exact tables if all are known."""
+        return self._present_moves()
+
+    def _present_moves(self) -> Moves:
         graph = self.graph
         if self._moves is None or self._moves_version != graph.version:
             known = graph.lists_all and graph.is_complete
@@ -126,7 +129,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
 
     def _enter_state(self, state: State) -> None:
         """Set the present state, and evaluate its posture, goal distance and mask."""
-        self._graph_version, moves = self.graph.version, self.moves
+        self._graph_version, moves = self.graph.version, self._present_moves()
         self._state, self._properties = state, moves.stance_properties(state)
         self._distance = distance(self._properties.base_position, self.goal.tolist())
         self._mask = moves.action_mask(state)
@@ -135,7 +138,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
 
     def _planned_step(self, action: int) -> tuple[State, float]:
         """Return the state after a valid action, and the base displacement of its step [m]."""
-        moves = self.moves
+        moves = self._present_moves()
         after = moves.take(self.state, action)
         reached = moves.stance_properties(after).base_position
         return after, distance(reached, self._properties.base_position)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from mlivr_gym.collisions.joint_lines import JointLine
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
+from mlivr_gym.kinematics.limb import Angles, held_angles
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places
+from mlivr_gym.motion.dense_knots import Spread, fill_knots
+from mlivr_gym.motion.joint_path import CUBIC, GRIP_RADIUS, HOLD_TOLERANCE, control_places
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -34,8 +35,9 @@ FEWEST_PIECES, MOST_PIECES = 8, 4096
 LINES = ScratchPool(LineScratch)
 """Scratch of `line_clear`, which takes what it does not set to be empty."""
 
-JointCurve = Callable[[Array], Array]
-"""Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
+MeasuredMotion = Callable[[Array], tuple[Array, float]]
+"""Joint angles of all limbs at k path parameters from 0 to 1, shape (k, N, 6) [rad], k odd; and how
+far lines between every other of them are off in between, as a share of what is allowed."""
 
 
 class FollowingSupports:
@@ -48,6 +50,7 @@ class FollowingSupports:
         self._line = line = JointLine.row()
         self._first, self._last = line["first"]["q"], line["last"]["q"]
         self._moved: tuple[float, float] | None = None
+        self._spread = spread_of(graph.robot, ends.limb)
         out = Angles.rows(1, graph.limbs)
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
@@ -88,18 +91,28 @@ class FollowingSupports:
     def knots(self, a: Array, b: Array, here: Array) -> Array:
         """Return the knots from one swing knot to the next, shape (k, N, 6) [rad].
 
-        Joint angles at the first have shape (N, 6).
+        Joint angles at the first have shape (N, 6). Raises a `PlanError` if a support cannot follow
+        the base.
         """
-
-        def curve(sigma: Array) -> Array:
-            rows = a + sigma[:, None] * (b - a)
-            joints = support_joints(self._graph, self._ends, self._path, rows[:, 0], here)
-            joints[:, self._ends.limb] = rows[:, 1:]
-            return joints
-
+        limb = self._ends.limb
         if a[0] == b[0]:
-            return curve(np.array([0.0, 1.0]))
-        return dense_knots(self._graph.robot, self._ends, curve)
+            joints = np.stack([here, here])
+            joints[:, limb] = a[1:], b[1:]
+            return joints
+        self._move_base(float(a[0]), float(b[0]))
+        line = self._line.copy()
+        line["first"]["q"][: len(here)] = here
+        line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
+
+        def measured(places: Array) -> tuple[Array, float]:
+            joints, spread = Angles.rows(len(places), len(here)), self._spread
+            stopped = fill_knots(self._robots, line, places, joints, spread)
+            if stopped >= 0:
+                raise cannot_follow(self._graph, self._ends, stopped)
+            far, slip = float(spread[0]["far"]), float(spread[0]["slip"])
+            return joints["q"], share_used(far, slip, KEPT_CLEAR)
+
+        return enough_knots(measured)
 
 
 def path_of(ends: StepEnds) -> BasePath:
@@ -108,55 +121,31 @@ def path_of(ends: StepEnds) -> BasePath:
     return base_path(first, last)
 
 
-def support_joints(
-    graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array, here: Array
-) -> Array:
-    """Return joint angles while the base moves, at base parameters s, shape (k, N, 6) [rad].
-
-    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it; `here`, shape
-    (N, 6), are joint angles at the first. The support limbs hold their points on their branches;
-    the moving limb stays as it is. Raises a `PlanError` if a support limb cannot follow the base.
-    """
-    bases, joints = base_rows(path, s), np.empty((len(s), *here.shape))
-    joints[:, ends.limb] = here[ends.limb]
-    for limb, point in enumerate(ends.before):
-        if limb != ends.limb:
-            held = graph.solver.grasps[point : point + 1]["flange"].copy()
-            one = Follower(limb, ends.branches[limb], here[limb])
-            joints[:, limb] = follow(graph, ends, one, held, bases)
-    return joints
-
-
-def dense_knots(
-    robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float = KEPT_CLEAR
-) -> Array:
+def enough_knots(measured: MeasuredMotion) -> Array:
     """Return knots of a motion, shape (k, N, 6) [rad], so dense that their spline is close to it.
 
     They are the control points of the spline where these count most (`control_places`). In the
-    middles between them the robot is within `tolerance` [m] of the motion. Raises a `PlanError` if
+    middles between them lines are off by no more than is allowed. Raises a `PlanError` if
     `MOST_PIECES` are too few for that.
     """
-    leader = int(ends.limb == 0)
-    still = JointPath(
-        robot, ends.limb, leader, ends.positions[0], ends.rotations[0], ends.joints[:1], (0,)
-    )
-    radii, pieces = lever_arms(robot, leader) / tolerance, FEWEST_PIECES
-    others = [limb for limb in range(robot.limbs) if limb != leader]
+    pieces = FEWEST_PIECES
     while True:
-        joints = curve(_places_and_middles(pieces))
-        knots, lines = joints[::2], 0.5 * (joints[2::2] + joints[:-2:2])
-        moved = np.einsum("kij,ij->ki", np.abs(lines - joints[1::2]), radii)
-        # What a limb does comes on top of where the leader puts the base, or of another limb.
-        most = np.sort(moved[:, others], axis=1)[:, ::-1]
-        far = most[:, 0] + np.maximum(moved[:, leader], most[:, 1:2].sum(axis=1))
-        # The spline is off by up to 4 / 3 of what lines are.
-        slip = float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE)
-        off = max(4.0 / 3.0 * float(far.max()), slip)
+        joints, off = measured(_places_and_middles(pieces))
         if off <= 1.0:
-            return knots
+            return joints[::2]
         if pieces == MOST_PIECES:
             raise PlanError(f"{MOST_PIECES} knots are too few for the motion that was checked")
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
+
+
+def share_used(far: float, slip: float, tolerance: float) -> float:
+    """Return how far lines are off, as a share of what is allowed.
+
+    `far` is how far they move a part of the robot off the motion, of which `tolerance` is allowed,
+    and `slip` how far they move a support limb [m].
+    """
+    # The spline is off by up to 4 / 3 of what lines are.
+    return max(4.0 / 3.0 * far / tolerance, slip / (0.5 * HOLD_TOLERANCE))
 
 
 @lru_cache(maxsize=512)
@@ -167,34 +156,13 @@ def _places_and_middles(pieces: int) -> Array:
     return every
 
 
-class Follower(NamedTuple):
-    """A limb on a branch, and joint angles from which on it is followed, shape (6,) [rad]."""
-
-    limb: int
-    branch: int
-    joints: Array
-
-
-def follow(
-    graph: StanceGraph,
-    ends: StepEnds,
-    one: Follower,
-    flanges: Any,
-    bases: Any,
-) -> Array:
-    """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
-
-    The poses are rows of `Pose`. Raises a `PlanError` if the branch ends.
-    """
-    robots = graph.checks.robots
-    joints = joints_along(robots, one.limb, bases, flanges, one.branch, one.joints)
-    if len(joints) < max(len(bases), len(flanges)):
-        target = graph.grasp_map.ids[ends.to_point]
-        raise PlanError(
-            f"limb {one.limb} cannot stay on its branch while limb {ends.limb} moves to "
-            f"{target!r}: the plan does not fit this map and robot, or its steps were not checked"
-        )
-    return joints
+def cannot_follow(graph: StanceGraph, ends: StepEnds, limb: int) -> PlanError:
+    """Return the error that a limb cannot stay on its branch during a step."""
+    target = graph.grasp_map.ids[ends.to_point]
+    return PlanError(
+        f"limb {limb} cannot stay on its branch while limb {ends.limb} moves to {target!r}: the "
+        "plan does not fit this map and robot, or its steps were not checked"
+    )
 
 
 @lru_cache(maxsize=16)
@@ -213,3 +181,12 @@ def lever_arms(robot: RobotSpec, leader: int) -> Array:
         else:
             out[limb] = steps[::-1].cumsum()[::-1] - steps + robot.tool_length
     return out
+
+
+def spread_of(robot: RobotSpec, limb: int) -> Any:
+    """Return a row of `Spread` for motions of a limb."""
+    leader, spread = int(limb == 0), Spread.rows(1)
+    spread["limb"], spread["leader"] = limb, leader
+    spread["tool"], spread["grip"] = robot.tool_length, GRIP_RADIUS
+    spread["lever"]["q"][0, : robot.limbs] = lever_arms(robot, leader)
+    return spread

@@ -9,8 +9,9 @@ import pytest
 from mlivr_gym import jem_map, robot_spec, stance_graph
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, PathSegment, control_places
+from mlivr_gym.motion.paper_motion import support_joints
 from mlivr_gym.motion.step_ends import StepEnds
-from mlivr_gym.motion.straight_base import path_of, support_joints
+from mlivr_gym.motion.straight_base import path_of
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
 from mlivr_gym.stances.random_states import random_state
 
