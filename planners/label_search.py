@@ -138,6 +138,8 @@ class SearchStatus(Record):
     """Number of labels whose edges or nodes are to be checked."""
     pending_estimate: float
     """Least estimate of these labels, infinite if there are none."""
+    has_dropped: bool
+    """Whether a label was dropped because its node had as many as it may have."""
 
 
 class SearchOutcome(NamedTuple):
@@ -153,6 +155,8 @@ class SearchOutcome(NamedTuple):
     `CHECKS_PENDING` at its deadline."""
     expanded: int
     """Number of labels expanded."""
+    has_dropped: bool = False
+    """Whether labels were dropped, `SearchParameters.labels_per_node`, that may lead elsewhere."""
 
 
 def cheapest_path(
@@ -214,7 +218,8 @@ def cheapest_path(
     if end != SEARCH_COMPLETE:
         lower_bound = min(lower_bound, labels.queue.lower_bound, float(status["pending_estimate"]))
     path = None if found == NO_LABEL else labels.path_to(found)
-    return SearchOutcome(path, lower_bound, end, int(status["expanded"]))
+    dropped = bool(status["has_dropped"])
+    return SearchOutcome(path, lower_bound, end, int(status["expanded"]), dropped)
 
 
 def _check_pending(
@@ -383,4 +388,7 @@ def _is_dominated(
                                 return True
             count += 1
         other = labels.previous_of_node[other]
-    return label < 0 and count >= status.labels_per_node
+    if label < 0 and count >= status.labels_per_node:
+        status.has_dropped = True
+        return True
+    return False

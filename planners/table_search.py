@@ -36,7 +36,7 @@ from mlivr_gym.planners.label_search import (
     SearchParameters,
     cheapest_path,
 )
-from mlivr_gym.planners.labels import CAPACITY, NodeOrigins, NodePath
+from mlivr_gym.planners.labels import NodeOrigins, NodePath
 from mlivr_gym.planners.lower_bounds import GoalBounds, LowerBounds
 from mlivr_gym.planners.path_search import COST_TOLERANCE, PathSearch, StatePath
 from mlivr_gym.planners.query import Goal, SearchQuery
@@ -53,7 +53,7 @@ FIRST_LIMIT, MANY = 500, 8000
 one from the goal, of each pair of searches twice as many as of the one before; and with how many of
 them all nodes on the way are checked, so that the bounds tell of what obstacles cut off."""
 
-FREE, AMONG_OBSTACLES = 1.3, 3.0
+FREE, AMONG_OBSTACLES = 1.5, 3.0
 """Weights of the first stage of more than two limbs; among obstacles many a path turns out to be
 blocked, and with a larger weight each takes less time to find."""
 
@@ -64,7 +64,7 @@ IN_GIVEN_ORDER = WEIGHTED._replace(max_expansions=200, check_when_popped=True)
 """The stage in the order of the queue that the user chose, which the others follow if it finds no
 path, but for the weight of the cost, which is that of the query."""
 
-FEW_LABELS = 100_000
+FEW_LABELS = 1_000_000
 """Maximum number of labels of a search after which another one with better bounds can follow."""
 
 EDGES_AT_ONCE = 4
@@ -80,7 +80,7 @@ class TableSearch(PathSearch):
         super().__init__(lower_bounds.graph, search, start)
         self._lower_bounds, self._present = lower_bounds, lower_bounds.graph.present
         self._checks_before, self._last_expanded = self._present.check_effort, 0
-        self._has_ended = self._is_exhausted = False
+        self._has_ended = False
         self._labels = lower_bounds.labels
         self._origin_paths: list[StatePath] = []
         self._set_origins(StatePath((start,), self.start_posture.base_position))
@@ -284,12 +284,14 @@ class TableSearch(PathSearch):
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
         self._has_ended = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
-        self._is_exhausted = self._has_ended and found.path is None
+        is_exhausted = found.end == SEARCH_COMPLETE and found.path is None
         self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
         self.generated += self._labels.label_count
         # A heuristic that overestimates proves nothing but that no path is left.
         admissible = search.heuristic != "paper" or found.lower_bound == np.inf
-        if self._proves(stage) and admissible:
+        # It holds for all plans with weight 1, and where nothing is left that may lead to another.
+        proves = stage.cost_weight == 1.0 or (is_exhausted and not found.has_dropped)
+        if proves and admissible:
             self.lower_bound = max(self.lower_bound, found.lower_bound)
         return found.path
 
@@ -311,15 +313,6 @@ class TableSearch(PathSearch):
             self._check_edges(present.undecided(edges))
         kept = present.checked_edges.kept_on(edges)
         return present.branch_sets_after(edges, branch_sets, kept)
-
-    def _proves(self, stage: SearchParameters) -> bool:
-        """Return whether the lower bound of a search holds for all plans.
-
-        It does for weight 1 of the cost, and for any weight if the queue was exhausted and no label
-        was dropped that may lead to another plan.
-        """
-        keeps_all = stage.labels_per_node == CAPACITY
-        return (self._is_exhausted and keeps_all) or stage.cost_weight == 1.0
 
     def _checked_walk(self, path: NodePath) -> StatePath | None:
         """Check the edges of a path; return its states, None if a limb keeps no branch."""

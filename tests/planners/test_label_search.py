@@ -185,6 +185,10 @@ def assert_cheapest(search_graph, goal, pairs, ends):
         assert (found is not None) == (least < cost_limit)
         assert bound == pytest.approx(min(least, cost_limit), abs=1e-9)
     assert cheapest(clock=Clock(time.perf_counter() - 1.0)) == (None, 0.0)
+    hasty = EXACT._replace(cost_weight=0.3, labels_per_node=1)
+    found = cheapest_path(search_graph, h, origins, Labels.allocate(len(goals)), hasty)
+    # An exhausted queue proves that there is no path, unless labels were dropped on the way.
+    assert found.path is not None or found.has_dropped or least == np.inf
     if path is not None:
         assert path.cost == pytest.approx(least, abs=1e-9)
         assert goals[path.nodes[-1]]
