@@ -270,6 +270,7 @@ def old_files(tmp_path):
     """A folder with two files; the third of `write_three` is new."""
     for name in ("a", "b"):
         (tmp_path / name).write_text(f"old {name}")
+    (tmp_path / "a").chmod(0o600)
     return tmp_path
 
 
@@ -302,6 +303,11 @@ def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, erro
     def no_links(*_):
         raise OSError(errno.ENOTSUP, "no hard links here")
 
+    def told():
+        states = {path.name: path.stat() for path in old_files.iterdir()}
+        return {name: (one.st_mode, one.st_mtime_ns) for name, one in states.items()}
+
+    before = told()
     monkeypatch.setattr(f"mlivr_gym.files.os.{call}", fails)
     if not links:
         monkeypatch.setattr("mlivr_gym.files.os.link", no_links)
@@ -309,6 +315,7 @@ def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, erro
         write_three(old_files)
     assert len(calls) > after
     assert contents(old_files) == {"a": "old a", "b": "old b"}
+    assert told() == before  # a private file is private still
 
 
 def test_of_two_files_the_first_stays_if_the_second_cannot_be_written(old_files, monkeypatch):

@@ -14,7 +14,10 @@ from public_objects import same
 from mlivr_gym import Box, sharing, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
+from mlivr_gym.extensions.reaction import step_reactions
 from mlivr_gym.planners import Planner
+from mlivr_gym.simulation.inverse_dynamics import compatible_motions
+from mlivr_gym.simulation.timing import step_trajectory
 from mlivr_gym.stances.table_build import find_table
 
 THREADS = 8
@@ -175,6 +178,20 @@ def test_threads_step_environments_on_one_graph_each_with_its_episode():
     envs = [new(graph) for _ in range(THREADS)]
     found = in_threads([lambda k=k: episode(envs[k], k) for k in range(THREADS)])
     assert same(found, truth)
+
+
+def test_threads_time_the_steps_of_a_plan_and_tell_their_loads(checked_graph, walk):
+    """Which takes no lock: the plan and the graph do not change."""
+    planned = len(walk.steps)
+
+    def told(k):
+        joints = walk.configuration(k % planned)[2].ravel()
+        motions = compatible_motions(checked_graph.robot, [0, 1], joints)
+        timed = step_trajectory(checked_graph, walk, k % planned, period=0.5)
+        return timed.arrays(), step_reactions(checked_graph, walk), motions
+
+    truth = [told(k) for k in range(THREADS)]
+    assert same(in_threads([lambda k=k: told(k) for k in range(THREADS)]), truth)
 
 
 @pytest.mark.parametrize("new", [MlivrEnv, lambda: MlivrVectorEnv(2, max_episode_steps=None)])

@@ -86,7 +86,8 @@ def _distinct(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.uint32]]:
 
 def decode(graph: CheckedSteps, arrays: Arrays) -> GraphTable:
     """Check the arrays of a compressed file, which kernels use as indices, and return its table."""
-    points = np.cumsum(arrays["point_increments"].T, axis=0, dtype=np.int64)
+    # By rows, as those that are built or mapped: compiled code serves one order.
+    points = np.cumsum(arrays["point_increments"], axis=1, dtype=np.int64).T.copy()
     pose_number, n = arrays["tried"], len(arrays["tried"])
     check_arrays(
         (points, (n, graph.limbs), 0, len(graph.grasp_map)),
@@ -193,8 +194,9 @@ def _checked_table(table: NodeTable) -> NodeTable:
 
 def _listed_postures(graph: CheckedSteps, arrays: Arrays) -> tuple[NDArray[Any], ListedStances]:
     """Check the arrays of listed stances; return their points, shape (n, N), and the stances."""
-    points, counts = arrays["points"], arrays["counts"].tolist()
-    postures = Postures(**{name: arrays[name] for name in FIELDS})
+    # Copies, since arrays that cannot be written to are of another type for compiled code.
+    points, counts = arrays["points"].copy(), arrays["counts"].tolist()
+    postures = Postures(**{name: arrays[name].copy() for name in FIELDS})
     n, limbs = len(points), graph.limbs
     shapes = tuple(getattr(postures, name).shape for name in FIELDS)
     if shapes != _posture_shapes(n, limbs):

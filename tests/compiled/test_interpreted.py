@@ -14,6 +14,7 @@ from numba import config
 
 import mlivr_gym
 from mlivr_gym import jem_map, stance_graph
+from mlivr_gym.cli.main import main
 from mlivr_gym.compiled import interpreted, kernels
 from mlivr_gym.compiled.interpreted import as_readable
 from mlivr_gym.compiled.kernels import LateEntry
@@ -139,7 +140,26 @@ def late_entries():
         if module.name.split(".")[1] in ("kinematics", "transitions", "collisions", "postures"):
             for one in vars(importlib.import_module(module.name)).values():
                 if isinstance(one, LateEntry):
-                    yield one.__name__
+                    yield one
+
+
+def test_warmup_leaves_nothing_to_be_interpreted(monkeypatch, capsys):
+    """Where no machine code is stored yet: what plans call late is compiled before it ends."""
+    asked, entries = [], list(late_entries())
+
+    def told(function):
+        asked.append(function)
+        raise ArithmeticError  # so that machine code is called
+
+    monkeypatch.setattr(LateEntry, "patience", 1e9)
+    monkeypatch.setattr(kernels, "is_stored", lambda compiled: False)
+    monkeypatch.setattr(kernels, "interpreted", told)
+    for entry in entries:
+        monkeypatch.setattr(entry, "_is_due", False)
+        monkeypatch.setattr(entry, "_spent", 0.0)
+    assert main(["warmup"]) == 0
+    assert not asked
+    assert any(entry._is_due for entry in entries)
 
 
 def numbers(value):
@@ -159,7 +179,7 @@ def numbers(value):
 @pytest.fixture
 def compared(monkeypatch):
     """The number of calls of each late entry, each made both ways with equal results to the bit."""
-    calls = dict.fromkeys(late_entries(), 0)
+    calls = dict.fromkeys((entry.__name__ for entry in late_entries()), 0)
 
     def both(self, *given):
         again = copy.deepcopy(given)

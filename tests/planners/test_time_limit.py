@@ -255,14 +255,14 @@ def searching_until(graph, deadline, start=None, target=None):
 
 
 def test_of_a_limit_time_is_left_for_each_step_of_a_path_but_at_most_half(monkeypatch):
-    """In which its swings are chosen."""
+    """In which its swings are chosen; what was left before the path was known is searched in."""
     graph = known_steps()
     start, goal, _ = query(graph, "base")
     machine = SlowMachine(monkeypatch)
     for step_time in (0.1, 1e3):
         half = 0.5 * (100.0 - machine.now)
-        search = searching_until(graph, 100.0, start, goal)
-        found = searches.run_search(search, step_time)
+        search = searching_until(graph, 100.0, start, goal).search
+        found = searches.GraphSearcher(graph).find(search, start, step_time)
         assert len(found.states) > 2
         left = min((len(found.states) - 1) * step_time, half)
         assert search.clock.deadline == pytest.approx(100.0 - left)

@@ -10,6 +10,7 @@ import pytest
 from fuzz import damaged, few, loaded
 from hypothesis import given
 from hypothesis import strategies as st
+from numba import typeof
 from small_tables import small_table
 
 from mlivr_gym import Settings, stance_graph
@@ -81,6 +82,22 @@ def test_a_mapped_table_is_found_again(graph, table, empty_cache, caplog):
     path.write_bytes(path.read_bytes()[:200])
     assert find_table(graph) is None
     assert "is damaged, or not of format" in caplog.text
+
+
+@pytest.mark.parametrize("limbs", [2, 3])
+def test_the_same_machine_code_serves_a_table_however_it_was_read(limbs, empty_cache, tmp_path):
+    """Otherwise the second command would compile anew what the first one did."""
+    graph, path = small_table(limbs)[0], tmp_path / "nodes.npz"
+    built = graph.graph_table
+    TABLES.write(graph, built, path)
+
+    def kinds(table):
+        listed = table.listed
+        more = () if listed is None else (*vars(listed.postures).values(), listed.releases)
+        return [typeof(one) for one in (*table.nodes, *more)]
+
+    for one in (path, TABLES.cache(graph, built)):
+        assert kinds(TABLES.read(graph, one)) == kinds(built)
 
 
 def test_a_copied_graph_has_the_table_that_is_stored(graph, table, empty_cache):

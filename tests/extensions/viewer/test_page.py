@@ -1,6 +1,7 @@
 """The page, without a browser."""
 
 import html
+import socket
 from http.client import HTTPConnection
 
 import numpy as np
@@ -25,6 +26,15 @@ def test_another_page_takes_the_next_port(page):
 def test_a_host_that_is_not_there_is_refused():
     with pytest.raises(SettingError, match=r"cannot serve on host '203\.0\.113\.7'"):
         Page("203.0.113.7", 0, "nowhere")
+
+
+def test_a_page_is_served_at_its_address_alone(page):
+    """And at no other of this computer, such as those of the same loop on Linux."""
+    port = int(page.address.rsplit(":", 1)[1])
+    for address, is_served in (("127.0.0.1", True), ("127.0.0.2", False)):
+        with socket.socket() as other:
+            other.settimeout(5.0)
+            assert (other.connect_ex((address, port)) == 0) == is_served
 
 
 def test_nothing_is_printed(capsys):
