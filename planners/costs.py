@@ -67,6 +67,8 @@ CUSTOM_COST: Validators = {
 
 def _read_cost(given: Any, path: FieldPath) -> Any:
     """Return a cost, given as itself or by its name."""
+    if callable(given):
+        raise path.refused(given, "the name of a cost, or a Cost, see Cost.custom")
     return given if isinstance(given, Cost) else Choice(COSTS).read(given, path)
 
 
@@ -113,6 +115,20 @@ class Cost:
     prices: Prices | None = None
     """Prices of steps by the stance and point that they lead to, None for no prices."""
 
+    def __post_init__(self) -> None:
+        """Name a cost that is none of those with a name."""
+        named = {"base": (1.0, 0.0), "steps": (0.0, 1.0)}
+        weights = self.base_weight, self.step_weight
+        if self.prices is not None or named.get(self.name, weights) != weights:
+            object.__setattr__(self, "name", CUSTOM)
+
+    def check_fits(self, points: int) -> None:
+        """Raise a `SettingError` unless an array of prices has a number for each point of a map."""
+        if isinstance(self.prices, PointPrices) and len(self.prices.values) != points:
+            raise SettingError(
+                f"prices has {len(self.prices.values)} numbers; the map has {points} points"
+            )
+
     @classmethod
     @checked(COST_KINDS)
     def named(cls, cost: str | Cost, regrasp_price: float | None = None) -> Cost:
@@ -143,9 +159,10 @@ class Cost:
         """Return a cost of the user's own.
 
         `prices` are an array with a number for each of m points of a map, charged when a limb
-        grasps the point, or a function, see `Prices`; for limbs that are alike it must not depend
-        on their order. Plans have minimum cost since no number is negative. Raises a `SettingError`
-        if a number cannot be used, or both weights are 0.
+        grasps the point, or a function: from stances after steps, indices of points (k, N), and
+        the points that are grasped, (k,), to prices (k,). For limbs that are alike it must not
+        depend on their order. Plans have minimum cost since no number is negative. Raises a
+        `SettingError` if a number cannot be used, or both weights are 0.
         """
         if not base_weight + step_weight > 0.0:
             raise SettingError("base_weight and step_weight are both 0; one must be above 0")

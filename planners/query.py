@@ -215,6 +215,7 @@ class SearchQuery:
         None stands for the default of method and robot. The `SettingError` names an option that
         cannot be used.
         """
+        goal.cost.check_fits(len(graph.grasp_map))
         method, heuristic, inflation = options.method, options.heuristic, options.inflation
         effort = options.effort
         is_algorithm1, two_limbs = method == "algorithm1", graph.lists_all

@@ -277,6 +277,7 @@ class MlivrEnv(StanceGraphEnv):
             setup = Setup.of(limits, controller, physics, disturbances)
             self._executor = StepExecutor(graph, setup)
         points = len(graph.grasp_map)
+        self.reward.check_fits(points)
         self.failure_probability = failure_probabilities(points, grasp_failure, grasp_failure_seed)
         if layouts:
             self.table_moves()

@@ -156,6 +156,11 @@ class TotalReward(NamedTuple):
         given = shortened(self.step_reward)
         raise SettingError(f"reward is {given}; 'steps', 'base' or a Cost is needed here")
 
+    def check_fits(self, points: int) -> None:
+        """Raise a `SettingError` unless its prices, if any, are those of as many points."""
+        if isinstance(self.step_reward, CostReward):
+            self.step_reward.cost.check_fits(points)
+
     def __call__(self, outcome: StepOutcome) -> float | Array:
         """Return the reward of a step, a number, or an array of shape (k,) as in the outcome."""
         total: Any = self.step_reward(outcome) + self.success_bonus * outcome.success

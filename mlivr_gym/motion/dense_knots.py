@@ -60,7 +60,7 @@ class Spread(Record):
     """Link frames in the limb base frame, see `chain.link_frames`."""
     q: Annotated[Rows[Angles], (MOST_LIMBS,)]
     """Joint angles in the middle of a line between knots."""
-    carried: Pose
+    of_leader: Pose
     """Flange of the leader in the body frame."""
     flange: Pose
     """Flange of another support there."""
@@ -123,14 +123,14 @@ def _measure(k: int, robot: RobotModel, joints: Any, spread: Spread) -> None:
     spread.far = max(spread.far, most + max(leads, second))
     if robot.limb_count == 2:
         return  # the only support leads, and does not slip
-    _set_flange(robot.limbs[spread.leader], spread.q[spread.leader].q, spread, spread.carried)
+    _set_flange(robot.limbs[spread.leader], spread.q[spread.leader].q, spread, spread.of_leader)
     for i in range(robot.limb_count):
         if i not in (spread.limb, spread.leader):
             _set_flange(robot.limbs[i], spread.q[i].q, spread, spread.flange)
             if k < 0:
-                _see(spread.carried, spread.flange, spread.held[i])
+                _see(spread.of_leader, spread.flange, spread.held[i])
                 continue
-            _see(spread.carried, spread.flange, spread.seen)
+            _see(spread.of_leader, spread.flange, spread.seen)
             spread.slip = max(spread.slip, _slip(spread.held[i], spread))
 
 

@@ -104,7 +104,7 @@ class Query:
         Raises a `PlanError` if it is a cost of the user's own, which the plan does not contain.
         """
         if self.cost_name == CUSTOM:
-            raise PlanError("the plan does not contain the user's own cost; plan again")
+            raise PlanError("a plan does not contain a cost of the user's own to charge")
         away = float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
         steps = float(len(positions) - 1)
         return steps if self.cost_name == "steps" else away + steps * (self.regrasp_price or 0.0)

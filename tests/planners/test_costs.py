@@ -1,7 +1,11 @@
 """Heuristics of costs: which are lower bounds."""
 
+import gymnasium
 import numpy as np
+import pytest
 
+from mlivr_gym.errors import SettingError
+from mlivr_gym.motion import Plan
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.costs import Cost
 
@@ -26,3 +30,24 @@ def test_heuristics_never_overestimate_and_the_papers_does(small_graph):
             > truth + 1e-9
         ).sum()
     assert over > 0
+
+
+@pytest.mark.parametrize("count", [2, 10_000])
+def test_prices_of_another_number_of_points_are_refused(small_graph, count):
+    cost, points = Cost.custom(base_weight=1.0, prices=np.ones(count)), len(small_graph.grasp_map)
+    with pytest.raises(SettingError, match=f"{count} numbers; the map has {points} points"):
+        Planner(small_graph).plan((0, 1), (2.5, 0.0, -0.3), cost)
+    with pytest.raises(SettingError, match=f"{count} numbers; the map has {points} points"):
+        gymnasium.make("mlivr_gym:MLIVR-JEM-v0", map=small_graph.grasp_map, reward=cost)
+
+
+def test_the_plan_of_a_cost_without_a_name_can_be_read_back(small_graph, tmp_path):
+    """Whether it is made by `Cost.custom` or by its fields."""
+    here = small_graph.points[0].tolist()
+    goal = small_graph.base_position[-1]
+    assert {cost.name for cost in map(Cost.named, ("base", "steps"))} == {"base", "steps"}
+    for cost in (Cost(prices=lambda stances, points: 0.5 * (points % 3)), Cost(base_weight=2.0)):
+        plan = Planner(small_graph).plan(here, goal, cost).unwrap()
+        assert plan.query.cost_name == cost.name == "custom"
+        plan.save(tmp_path / "plan.json")
+        assert Plan.load(tmp_path / "plan.json").steps == plan.steps
