@@ -18,6 +18,9 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.compiled import interpreted, kernels
 from mlivr_gym.compiled.interpreted import as_readable
 from mlivr_gym.compiled.kernels import LateEntry
+from mlivr_gym.motion.paper_motion import support_joints
+from mlivr_gym.motion.step_ends import StepEnds
+from mlivr_gym.motion.straight_base import path_of
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.steps import line_clear
 
@@ -134,10 +137,14 @@ def test_threads_that_interpret_at_once_call_no_compiled_kernel(monkeypatch):
     assert not any(map(any, copied))
 
 
+PACKAGES = "kinematics", "transitions", "collisions", "postures", "motion"
+"""Those with late entries."""
+
+
 def late_entries():
     """All late entries of the package."""
     for module in pkgutil.walk_packages(mlivr_gym.__path__, "mlivr_gym."):
-        if module.name.split(".")[1] in ("kinematics", "transitions", "collisions", "postures"):
+        if module.name.split(".")[1] in PACKAGES:
             for one in vars(importlib.import_module(module.name)).values():
                 if isinstance(one, LateEntry):
                     yield one
@@ -207,5 +214,7 @@ def test_interpreted_and_compiled_entries_give_the_same_numbers(robot, compared)
     pose = [*motion.base_positions[0], *motion.base_quaternions[0]]
     joints = motion.joint_positions[0]
     assert planner.plan(*query, start_pose=pose, start_joints=joints).plan is not None
+    ends = StepEnds.of(graph, motion, 0)
+    support_joints(graph, ends, path_of(ends), np.linspace(0.0, 1.0, 9), ends.joints[0])
     seldom = set() if robot == "mlivr2" else {"angles_above"}
     assert all(compared[name] for name in compared.keys() - seldom)
