@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from mlivr_gym.arguments import InstanceOf
 from mlivr_gym.arrays import Array
+from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.envs.task import TaskGenerator
 from mlivr_gym.envs.tasks import FIXED_NUMBER, fixed_task
 from mlivr_gym.errors import SettingError
@@ -72,7 +73,14 @@ class ResetOptions:
         """
         start, goal = None, self.goal
         if self.start is not None:
-            start = graph.state(self.start, self.start_pose, self.start_joints)
+            # The layout that is drawn leaves the points of a start free, whatever the last one did.
+            is_drawn = goal is None and isinstance(tasks, LayoutTasks)
+            last = sorted(graph.occupied) if is_drawn else []
+            graph.vacate(last)
+            try:
+                start = graph.state(self.start, self.start_pose, self.start_joints)
+            finally:
+                graph.occupy(last)
         if self.task is not None:
             start, goal = fixed_task(tasks, graph, self.task, tolerance)
         return start, None if goal is None else graph.grasp_map.check_goal(goal)

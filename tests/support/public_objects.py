@@ -154,7 +154,7 @@ def plans_of_three_limbs(graph):
     stances = some_stances(graph)
     goal, planner = graph.posture(stances[-1]).base_position[0].tolist(), Planner(graph)
     found = [
-        planner.plan(one, goal, goal_tolerance=0.05, options=SearchOptions(inflation=1.0))
+        planner.plan(one, goal, "steps", goal_tolerance=0.05, options=SearchOptions(inflation=1.0))
         for one in stances
     ]
     costs = [one.plan and (one.plan.statistics.cost, one.plan.statistics.bound) for one in found]
