@@ -83,6 +83,12 @@ for _limbs in (3, 4):
         max_episode_steps=100,
         kwargs={"robot": f"mlivr{_limbs}"},
     )
+register(
+    id="MLIVR4-JEM-Anywhere-v0",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    max_episode_steps=100,
+    kwargs={"robot": "mlivr4", "tasks": "anywhere"},
+)
 for _name in ("USLab", "Columbus", "Hatch", "Station"):
     register(
         id=f"MLIVR-{_name}-v0",

@@ -60,8 +60,10 @@ class EpisodeRow(NamedTuple):
     """Whether the goal was reached."""
     cost: float
     """Cost of the actions under the reward of the environment."""
-    optimum: float
-    """Optimal cost of the task."""
+    reference: float
+    """Cost of the best plan known."""
+    bound: float
+    """Proved: no actions cost less than `reference / bound`."""
     actions: tuple[int, ...]
     """The actions."""
     milliseconds: tuple[float, ...]
@@ -69,8 +71,15 @@ class EpisodeRow(NamedTuple):
 
     @property
     def score(self) -> float:
-        """Success times optimal cost over cost."""
-        return self.optimum / self.cost if self.success else 0.0
+        """Success times reference over cost."""
+        return self.reference / self.cost if self.success else 0.0
+
+
+SAME = "policy", "budget", "seeds", "tasks", "graph_rules"
+"""What entries must have in common to become one."""
+
+BY_SEED = "environment_steps", "processor_seconds"
+"""What a summary has for each environment and seed."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +105,30 @@ class BenchmarkEntry:
             write_whole(Path(folder, EPISODES), text.getvalue())
             save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
+    @property
+    def environments(self) -> list[str]:
+        """Ids of the environments with episodes, in the order of the benchmark."""
+        return [name for name in ENVIRONMENT_IDS if any(r.environment == name for r in self.rows)]
+
+    def joined(self, other: BenchmarkEntry) -> BenchmarkEntry:
+        """Return this entry with the environments of another, which it lacks.
+
+        Raises a `BenchmarkError` if they differ in policy, budget, seeds, tasks or graph rules.
+        """
+        for name in SAME:
+            if self.summary[name] != other.summary[name]:
+                raise BenchmarkError(
+                    f"the entry has {name} {self.summary[name]!r}, not {other.summary[name]!r}"
+                )
+        parts, seeds = {}, self.summary["seeds"]
+        for one in (self, other):
+            for k, name in enumerate(one.environments):
+                parts[name] = one, slice(k * seeds, (k + 1) * seeds)
+        order = [(name, *parts[name]) for name in ENVIRONMENT_IDS if name in parts]
+        rows = tuple(row for name, one, _ in order for row in one.rows if row.environment == name)
+        spent = {by: [x for _, one, at in order for x in one.summary[by][at]] for by in BY_SEED}
+        return BenchmarkEntry(other.summary | spent | {"results": results_of(rows)}, rows)
+
     @classmethod
     def read(cls, folder: str | Path) -> BenchmarkEntry:
         """Return the entry in a folder; the `BenchmarkError` names what cannot be read."""
@@ -119,7 +152,8 @@ def _row_of(fields: dict[str, str]) -> EpisodeRow:
         int(fields["task"]),
         {"True": True, "False": False}[fields["success"]],
         float(fields["cost"]),
-        float(fields["optimum"]),
+        float(fields["reference"]),
+        float(fields["bound"]),
         tuple(map(int, fields["actions"].split())),
         tuple(map(float, fields["milliseconds"].split())),
     )
@@ -139,6 +173,7 @@ def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
             "score": round(float(np.mean(scores)), 6),
             "score_percentiles": np.percentile(scores, (2.5, 97.5)).round(6).tolist(),
             "success": round(float(np.mean([row.success for row in here])), 6),
+            "references_proved": round(float(np.mean([row.bound == 1.0 for row in here])), 6),
             "milliseconds_a_task": round(sum(times) / len(here), 3),
         }
     return found
@@ -154,7 +189,7 @@ def score_figure(rows: Sequence[EpisodeRow]) -> Any:
             share = 100.0 * np.arange(1, len(scores) + 1) / len(scores)
             axes.step(share, scores, where="pre", label=f"{name}: {scores.mean():.3f}")
     axes.set(xlim=(0, 100), ylim=(0, 1.02), xlabel="tasks [%]")
-    axes.set_ylabel(f"optimal cost / cost (0: not in {MAX_ACTIONS} actions)")
+    axes.set_ylabel(f"reference / cost (0: not in {MAX_ACTIONS} actions)")
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, loc="lower left")
     figure.set_layout_engine("constrained")

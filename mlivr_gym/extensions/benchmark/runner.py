@@ -23,6 +23,7 @@ from mlivr_gym.extensions.benchmark.protocol import (
     ENVIRONMENT_IDS,
     TASKS,
     HeldOutTasks,
+    Reference,
     TrainingEnv,
 )
 from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
@@ -135,9 +136,9 @@ def _train(policy: Any, env: TrainingEnv, seed: int) -> int:
     return env.environment_steps
 
 
-def _row(name: str, seed: int, task: int, result: tuple[Episode, float]) -> EpisodeRow:
-    """Return the row of an episode in a task with its optimum."""
-    found, optimum = result
+def _row(name: str, seed: int, task: int, result: tuple[Episode, Reference]) -> EpisodeRow:
+    """Return the row of an episode in a task with its reference."""
+    found, reference = result
     times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
     cost = -float(found.total_reward)
-    return EpisodeRow(name, seed, task, found.success, cost, optimum, found.actions, times)
+    return EpisodeRow(name, seed, task, found.success, cost, *reference, found.actions, times)

@@ -1,0 +1,163 @@
+"""The environment whose fixed tasks lie in worlds that no other episode has."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from mlivr_gym import robot_spec
+from mlivr_gym.arguments import checked
+from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.envs import TASKS, LayoutTasks, MlivrEnv, Observation, TaskGenerator
+from mlivr_gym.envs.actions import action_number
+from mlivr_gym.envs.tasks import FIXED_NUMBER
+from mlivr_gym.errors import SettingError
+from mlivr_gym.schema import FieldPath
+from mlivr_gym.world import as_map
+
+World = tuple[str, str]
+"""Names of a robot and of a place."""
+
+TRAINING: tuple[World, ...] = (
+    ("mlivr2", "jem"),
+    ("mlivr2-ur3e", "jem"),
+    ("mlivr2-ur3e", "columbus"),
+)
+"""Worlds of the episodes with seeds."""
+
+HELD_OUT: tuple[World, ...] = (
+    ("mlivr2-iiwa", "jem"),
+    ("mlivr2-ur3e", "uslab"),
+    ("mlivr2-ur3e", "hatch"),
+    ("mlivr2-iiwa", "uslab"),
+)
+"""Worlds of the fixed tasks, in turn: the robot is unseen, the place, the place, and both."""
+
+TASK = FieldPath("options.task", SettingError)
+"""Where the number of a fixed task stands, for messages."""
+
+FIXED = ("robot", "map", "dynamics", "grasp_failure", "info_regret")
+"""Arguments of `MlivrEnv` that this environment does not take."""
+
+
+class UnseenEnv(MlivrEnv):
+    """Climbing with robots and in places that are not seen in training.
+
+    Each reset draws one of the worlds in `TRAINING`, a robot and a place; the fixed task k lies in
+    `HELD_OUT[k % len(HELD_OUT)]`. Where start or goal is given, the world stays. All robots have
+    two limbs. Spaces are those of the place with the most points, M: with m points in the present
+    place action `limb * m + point` moves `limb` to `point`, as in `MlivrEnv`, and actions from 2 m
+    on are invalid. The observation tells m as well: it has `points`, the positions of the points
+    [m], shape (M, 3), of which the first m exist, `exists`, whether each does, shape (M,), and
+    `span`, how far apart limbs may hold points at most [m], shape (1,).
+
+    `world` is the present world. Policies that use the environment find its graph as in `MlivrEnv`.
+    """
+
+    @checked({"tasks": TASKS})
+    def __init__(
+        self, tasks: str | TaskGenerator | dict[str, Any] = "anywhere", **options: Any
+    ) -> None:
+        """Build the environment; `tasks` and `options` are arguments of `MlivrEnv`.
+
+        Raises a `MlivrError` if an argument cannot be used: robot and map are those of the worlds,
+        dynamics are kinematic, no grasp fails, tasks have no layouts, and `info` has no regret.
+        """
+        drawn = TASKS.read(tasks, FieldPath("tasks", SettingError))
+        if isinstance(drawn, LayoutTasks):
+            raise SettingError(f"tasks is {tasks!r}; this environment has no layouts")
+        for name in FIXED:
+            if name in options:
+                raise SettingError(f"{name} is given; this environment chooses it")
+        self._options = {"tasks": drawn, **options}
+        self.world = TRAINING[0]
+        super().__init__(*self.world, **self._options)
+        self._made: dict[World, MlivrEnv] = {}
+        worlds = TRAINING + HELD_OUT
+        maps = [as_map(place) for _, place in worlds]
+        span = max(robot_spec(robot).span for robot, _ in worlds)
+        ends = np.concatenate([np.concatenate([one.positions, one.cabin]) for one in maps])
+        bounds = ends.min(axis=0) - span, ends.max(axis=0) + span
+        self._most = most = max(map(len, maps))
+
+        self.action_space = spaces.Discrete(2 * most)
+        own: Any = self.observation_space
+        self.observation_space = spaces.Dict({
+            **own.spaces,
+            "stance": spaces.MultiDiscrete([most] * 2),
+            "grasps": _box(bounds, (6,)),
+            "base_position": _box(bounds, (3,)),
+            "goal": _box(bounds, (3,)),
+            "points": _box(bounds, (most, 3)),
+            "exists": spaces.MultiBinary(most),
+            "span": spaces.Box(0.0, span, (1,), np.float32),
+        })  # fmt: skip
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start an episode in a world that is drawn, or that of a fixed task; see `MlivrEnv.reset`.
+
+        Raises a `MlivrError` as there.
+        """
+        gymnasium.Env.reset(self, seed=seed)
+        task = (options or {}).get("task")
+        if not options:
+            self._enter(TRAINING[int(self.np_random.integers(len(TRAINING)))])
+        elif task is not None:
+            self._enter(HELD_OUT[FIXED_NUMBER.read(task, TASK) % len(HELD_OUT)])
+        return super().reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Take an action, see `MlivrEnv.step`; one that moves no limb to a point is invalid."""
+        number = action_number(action, 2 * self._most)
+        if number >= 2 * len(self.graph.grasp_map):
+            # A limb that moves to its own point is as invalid.
+            number = self.state.stance[0]
+        return super().step(number)
+
+    def action_masks(self) -> BoolArray:
+        """Return which actions are valid, shape (2 M,); see `MlivrEnv.action_masks`."""
+        return self._padded(super().action_masks())
+
+    def _enter(self, world: World) -> None:
+        """Continue in another world, with what was computed for it before."""
+        if world not in self._made:
+            self._made[world] = MlivrEnv(*world, **self._options)
+        made, self.world = self._made[world], world
+        if self.graph is not made.graph:
+            self.close()
+            self.graph, self.viewer, self._moves = made.graph, made.viewer, made.moves
+            self.failure_probability = made.failure_probability
+            self._moves_version, self._graph_version = made.graph.version, made.graph.version
+            self._state = None
+
+    def _padded(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values of the 2 m actions, with zeros up to 2 M."""
+        return np.concatenate([values, np.zeros(2 * self._most - len(values), values.dtype)])
+
+    def _observation(self) -> Observation:
+        """Return the observation of the present state, with the points of the place."""
+        seen: Any = super()._observation()
+        positions, span = self.graph.grasp_map.positions, self.graph.robot.span
+        seen["points"] = np.zeros((self._most, 3), dtype=np.float32)
+        seen["points"][: len(positions)] = positions
+        seen["exists"] = (np.arange(self._most) < len(positions)).astype(np.int8)
+        seen["span"] = np.array([span], dtype=np.float32)
+        made: Observation = seen
+        return made
+
+    def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
+        """Return the information on the present state, with a mask of the padded actions."""
+        info = super()._info(invalid, failed)
+        return {**info, "action_mask": self._padded(info["action_mask"])}
+
+
+def _box(bounds: tuple[Array, Array], shape: tuple[int, ...]) -> spaces.Box:
+    """Return the space of positions between bounds, each of shape (3,)."""
+    low, high = (np.resize(bound, shape).astype(np.float32) for bound in bounds)
+    return spaces.Box(low, high, shape, np.float32)
