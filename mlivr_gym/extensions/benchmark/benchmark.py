@@ -30,7 +30,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--budget BUDGET", text, valid=Choice(tuple(BUDGETS)))
     text = "run: number of training seeds (default: 3, or 1 for a policy that is not trained)"
     option(parser, "--seeds N", text, valid=Integer(1, 100))
-    text = "run: the only environment (default: all that the entry in the folder lacks)"
+    text = "run: the only environment (default: all of the benchmark)"
     option(parser, "--environment ID", text, valid=Choice(ENVIRONMENT_IDS))
     option(parser, "--out DIR", "run: folder of the entry")
 
@@ -39,8 +39,8 @@ def run(args: argparse.Namespace) -> None:
     """Run a policy through the benchmark, check entries, or list them in a table.
 
     `run` trains or loads a policy, evaluates it on the 200 held-out tasks of each environment, and
-    writes summary.json, episodes.csv and scores.png, after each environment. It goes on with the
-    entry that is in the folder. `check` replays the actions of entries and
+    writes summary.json, episodes.csv and scores.png. It does so after each environment and seed,
+    and goes on with the entry that is in the folder. `check` replays the actions of entries and
     refuses those that do not add up. `table` prints the Markdown table of entries.
     """
     if args.action == "run":
@@ -69,23 +69,22 @@ def _run(args: argparse.Namespace) -> None:
     missing = [f"--{name}" for name in ("policy", "budget", "out") if getattr(args, name) is None]
     if missing:
         raise SettingError(f"run needs {', '.join(missing)}")
-    folder, entry = Path(args.out), None
+    folder = Path(args.out)
     files = [folder / name for name in (SUMMARY, EPISODES, PICTURE)]
-    if files[0].exists():
-        entry = BenchmarkEntry.read(folder)
-        for name in ("policy", "budget"):
-            if entry.summary[name] != getattr(args, name):
-                raise SettingError(f"{args.out!r} has an entry of another {name}; give a new --out")
-    else:
+    entry = BenchmarkEntry.read(folder) if files[0].exists() else None
+    if entry is None:
         check_outputs(*files, folder=folder)
     names = ENVIRONMENT_IDS if args.environment is None else (args.environment,)
-    for name in [name for name in names if entry is None or name not in entry.environments]:
-        with Progress(f"episodes of {name}", quiet=args.quiet) as progress:
-            one = run_policy(args.policy, args.budget, args.seeds, (name,), progress=progress.show)
-        entry = one if entry is None else entry.joined(one)
+
+    def save(entry: BenchmarkEntry) -> None:
         with all_or_none(args, folder):
             entry.write(folder)
-    assert entry is not None
+
+    with Progress("episodes", quiet=args.quiet) as progress:
+        entry = run_policy(
+            args.policy, args.budget, args.seeds, names, entry=entry, save=save,
+            progress=progress.show,
+        )  # fmt: skip
     args.result |= {"folder": folder, "results": entry.summary["results"]}
     for name, result in entry.summary["results"].items():
         print(f"{name}: score {result['score']:.3f}, success {100 * result['success']:.0f} %")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,7 +40,7 @@ SUMMARY_FIELDS = Fields(
         "results": Anything(),
     }
 )
-"""Validator of a summary; training steps and processor time are by environment and seed."""
+"""Validator of a summary, with the largest number of seeds; `results` has each environment's."""
 
 
 class BenchmarkError(MlivrError):
@@ -75,9 +75,6 @@ class EpisodeRow(NamedTuple):
         return self.reference / self.cost if self.success else 0.0
 
 
-SAME = "policy", "budget", "seeds", "tasks", "graph_rules"
-"""What entries must have in common to become one."""
-
 BY_SEED = "environment_steps", "processor_seconds"
 """What a summary has for each environment and seed."""
 
@@ -106,28 +103,19 @@ class BenchmarkEntry:
             save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
     @property
-    def environments(self) -> list[str]:
-        """Ids of the environments with episodes, in the order of the benchmark."""
-        return [name for name in ENVIRONMENT_IDS if any(r.environment == name for r in self.rows)]
+    def parts(self) -> dict[tuple[str, int], int]:
+        """Place of each environment and seed with episodes among what the summary has for each."""
+        found = dict.fromkeys((row.environment, row.seed) for row in self.rows)
+        return {part: k for k, part in enumerate(found)}
 
     def joined(self, other: BenchmarkEntry) -> BenchmarkEntry:
-        """Return this entry with the environments of another, which it lacks.
-
-        Raises a `BenchmarkError` if they differ in policy, budget, seeds, tasks or graph rules.
-        """
-        for name in SAME:
-            if self.summary[name] != other.summary[name]:
-                raise BenchmarkError(
-                    f"the entry has {name} {self.summary[name]!r}, not {other.summary[name]!r}"
-                )
-        parts, seeds = {}, self.summary["seeds"]
-        for one in (self, other):
-            for k, name in enumerate(one.environments):
-                parts[name] = one, slice(k * seeds, (k + 1) * seeds)
-        order = [(name, *parts[name]) for name in ENVIRONMENT_IDS if name in parts]
-        rows = tuple(row for name, one, _ in order for row in one.rows if row.environment == name)
-        spent = {by: [x for _, one, at in order for x in one.summary[by][at]] for by in BY_SEED}
-        return BenchmarkEntry(other.summary | spent | {"results": results_of(rows)}, rows)
+        """Return this entry with the environments and seeds of another, which it lacks."""
+        rows = tuple(sorted((*self.rows, *other.rows), key=_order))
+        of = {part: (one, k) for one in (self, other) for part, k in one.parts.items()}
+        order = [of[part] for part in BenchmarkEntry({}, rows).parts]
+        told: dict[str, Any] = {by: [one.summary[by][k] for one, k in order] for by in BY_SEED}
+        told |= {"seeds": max(row.seed for row in rows) + 1, "results": results_of(rows)}
+        return BenchmarkEntry(self.summary | told, rows)
 
     @classmethod
     def read(cls, folder: str | Path) -> BenchmarkEntry:
@@ -144,19 +132,22 @@ class BenchmarkEntry:
         return cls(summary, rows)
 
 
+def _order(row: EpisodeRow) -> tuple[int, int, int]:
+    """Return the place of an episode: by environment, seed and task."""
+    return ENVIRONMENT_IDS.index(row.environment), row.seed, row.task
+
+
+COLUMNS: tuple[Callable[[str], Any], ...] = (
+    str, int, int, {"True": True, "False": False}.__getitem__, float, float, float,
+    lambda text: tuple(map(int, text.split())), lambda text: tuple(map(float, text.split())),
+)  # fmt: skip
+"""How each column of `EpisodeRow` is read."""
+
+
 def _row_of(fields: dict[str, str]) -> EpisodeRow:
     """Return the episode of a line; a `ValueError` or `KeyError` if it is not one."""
-    return EpisodeRow(
-        fields["environment"],
-        int(fields["seed"]),
-        int(fields["task"]),
-        {"True": True, "False": False}[fields["success"]],
-        float(fields["cost"]),
-        float(fields["reference"]),
-        float(fields["bound"]),
-        tuple(map(int, fields["actions"].split())),
-        tuple(map(float, fields["milliseconds"].split())),
-    )
+    read = zip(COLUMNS, EpisodeRow._fields, strict=True)
+    return EpisodeRow(*(column(fields[name]) for column, name in read))
 
 
 def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
@@ -170,6 +161,7 @@ def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
         scores = [np.mean([row.score for row in here if row.seed == seed]) for seed in seeds]
         times = [t for row in here for t in row.milliseconds]
         found[name] = {
+            "seeds": len(seeds),
             "score": round(float(np.mean(scores)), 6),
             "score_percentiles": np.percentile(scores, (2.5, 97.5)).round(6).tolist(),
             "success": round(float(np.mean([row.success for row in here])), 6),

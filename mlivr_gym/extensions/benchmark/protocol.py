@@ -66,10 +66,7 @@ class HeldOutTasks:
         return episode, self._known[task]
 
     def _reference(self, episode: Episode) -> Reference:
-        """Return the fewest steps with the layout known, or the best plan that a search finds.
-
-        The search takes a hundredth of the time of the exact cost-to-go from all states.
-        """
+        """Return the fewest steps with the layout known, or the best plan that a search finds."""
         fewest = episode.start.get("fewest_steps")
         if fewest is not None:
             return Reference(float(fewest), 1.0)

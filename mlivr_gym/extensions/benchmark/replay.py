@@ -48,16 +48,15 @@ def check(
     check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
     if summary["tasks"] != tasks:
         raise BenchmarkError(f"the entry has {summary['tasks']} tasks; it must have {tasks}")
-    names = entry.environments
-    expected = list(product(names, range(summary["seeds"]), range(tasks)))
-    if [row[:3] for row in rows] != expected or not names:
-        raise BenchmarkError(
-            f"the episodes are not those of {tasks} tasks and {summary['seeds']} seeds in turn"
-        )
+    seeds = {name: result["seeds"] for name, result in results_of(rows).items()}
+    expected = [(name, *at) for name, n in seeds.items() for at in product(range(n), range(tasks))]
+    if [row[:3] for row in rows] != expected or not rows:
+        raise BenchmarkError(f"the episodes are not those of {tasks} tasks and each seed in turn")
+    _same("seeds", summary["seeds"], max(seeds.values()))
     most = max(summary["environment_steps"], default=0)
     if most > BUDGETS[summary["budget"]]:
         raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
-    held_out = {name: HeldOutTasks(name) for name in names}
+    held_out = {name: HeldOutTasks(name) for name in seeds}
     for k, row in enumerate(rows):
         _check_row(held_out[row.environment], row)
         if progress is not None:
