@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -9,18 +10,18 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from mlivr_gym import robot_spec
-from mlivr_gym.arguments import checked
+from mlivr_gym import GraspMap, RobotSpec, robot_spec
+from mlivr_gym.arguments import Reader, checked
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.envs import TASKS, LayoutTasks, MlivrEnv, Observation, TaskGenerator
 from mlivr_gym.envs.actions import action_number
 from mlivr_gym.envs.tasks import FIXED_NUMBER
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import FieldPath
+from mlivr_gym.schema import Anything, FieldPath, ListOf
 from mlivr_gym.world import as_map
 
-World = tuple[str, str]
-"""Names of a robot and of a place."""
+World = tuple[Any, Any]
+"""A robot and a place, each as `MlivrEnv` takes it."""
 
 TRAINING: tuple[World, ...] = (
     ("mlivr2", "jem"),
@@ -37,30 +38,50 @@ HELD_OUT: tuple[World, ...] = (
 )
 """Worlds of the fixed tasks, in turn: the robot is unseen, the place, the place, and both."""
 
+
+def _read_world(given: Any, place: FieldPath) -> tuple[RobotSpec, GraspMap]:
+    """Return robot and map of a world; refuse one that is no pair, or has other than two limbs."""
+    pair: Any = ListOf(Anything(), 2, 2).read(given, place)
+    robot, where = pair
+    spec = robot_spec(robot)
+    if spec.limbs != 2:
+        raise place.fault(f"has robot {spec.name!r} with {spec.limbs} limbs; it must have two")
+    return spec, as_map(where)
+
+
+WORLDS = ListOf(Reader(_read_world), 1, 64)
+"""Validator of worlds."""
+
 TASK = FieldPath("options.task", SettingError)
 """Where the number of a fixed task stands, for messages."""
 
-FIXED = ("robot", "map", "dynamics", "grasp_failure", "info_regret")
+CHOSEN = ("robot", "map", "dynamics", "grasp_failure", "info_regret")
 """Arguments of `MlivrEnv` that this environment does not take."""
 
 
 class UnseenEnv(MlivrEnv):
     """Climbing with robots and in places that are not seen in training.
 
-    Each reset draws one of the worlds in `TRAINING`, a robot and a place; the fixed task k lies in
-    `HELD_OUT[k % len(HELD_OUT)]`. Where start or goal is given, the world stays. All robots have
-    two limbs. Spaces are those of the place with the most points, M: with m points in the present
-    place action `limb * m + point` moves `limb` to `point`, as in `MlivrEnv`, and actions from 2 m
-    on are invalid. The observation tells m as well: it has `points`, the positions of the points
-    [m], shape (M, 3), of which the first m exist, `exists`, whether each does, shape (M,), and
-    `span`, how far apart limbs may hold points at most [m], shape (1,).
+    A *world* is a robot of two limbs and a place. Each reset draws one of the worlds for training;
+    the fixed task k lies in the held-out world of number k modulo their number. Where start or goal
+    is given, the world stays.
 
-    `world` is the present world. Policies that use the environment find its graph as in `MlivrEnv`.
+    Spaces are those of the place with the most points, M. With m points in the present place action
+    `limb * m + point` moves `limb` to `point`, as in `MlivrEnv`, and actions from 2 m on are
+    invalid. The observation has `points`, the positions of the points [m], shape (M, 3), of which
+    the first m exist, `exists`, whether each does, shape (M,), and `span`, how far apart limbs may
+    hold points at most [m], shape (1,).
+
+    `graph` is that of the present world, so what uses the environment works as in `MlivrEnv`.
     """
 
-    @checked({"tasks": TASKS})
+    @checked({"training": WORLDS, "held_out": WORLDS, "tasks": TASKS})
     def __init__(
-        self, tasks: str | TaskGenerator | dict[str, Any] = "anywhere", **options: Any
+        self,
+        training: Sequence[World] = TRAINING,
+        held_out: Sequence[World] = HELD_OUT,
+        tasks: str | TaskGenerator | dict[str, Any] = "anywhere",
+        **options: Any,
     ) -> None:
         """Build the environment; `tasks` and `options` are arguments of `MlivrEnv`.
 
@@ -70,20 +91,22 @@ class UnseenEnv(MlivrEnv):
         drawn = TASKS.read(tasks, FieldPath("tasks", SettingError))
         if isinstance(drawn, LayoutTasks):
             raise SettingError(f"tasks is {tasks!r}; this environment has no layouts")
-        for name in FIXED:
+        for name in CHOSEN:
             if name in options:
                 raise SettingError(f"{name} is given; this environment chooses it")
+        seen, unseen = (
+            WORLDS.read(worlds, FieldPath(name, SettingError))
+            for name, worlds in (("training", training), ("held_out", held_out))
+        )
+        self._worlds, self._seen = (*seen, *unseen), len(seen)
         self._options = {"tasks": drawn, **options}
-        self.world = TRAINING[0]
-        super().__init__(*self.world, **self._options)
-        self._made: dict[World, MlivrEnv] = {}
-        worlds = TRAINING + HELD_OUT
-        maps = [as_map(place) for _, place in worlds]
-        span = max(robot_spec(robot).span for robot, _ in worlds)
+        super().__init__(*self._worlds[0], **self._options)
+        self._made: dict[int, MlivrEnv] = {}
+        span = max(robot.span for robot, _ in self._worlds)
+        maps = [place for _, place in self._worlds]
         ends = np.concatenate([np.concatenate([one.positions, one.cabin]) for one in maps])
         bounds = ends.min(axis=0) - span, ends.max(axis=0) + span
         self._most = most = max(map(len, maps))
-
         self.action_space = spaces.Discrete(2 * most)
         own: Any = self.observation_space
         self.observation_space = spaces.Dict({
@@ -107,9 +130,10 @@ class UnseenEnv(MlivrEnv):
         gymnasium.Env.reset(self, seed=seed)
         task = (options or {}).get("task")
         if not options:
-            self._enter(TRAINING[int(self.np_random.integers(len(TRAINING)))])
+            self._enter(int(self.np_random.integers(self._seen)))
         elif task is not None:
-            self._enter(HELD_OUT[FIXED_NUMBER.read(task, TASK) % len(HELD_OUT)])
+            fixed = FIXED_NUMBER.read(task, TASK) % (len(self._worlds) - self._seen)
+            self._enter(self._seen + fixed)
         return super().reset(seed=seed, options=options)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -124,11 +148,11 @@ class UnseenEnv(MlivrEnv):
         """Return which actions are valid, shape (2 M,); see `MlivrEnv.action_masks`."""
         return self._padded(super().action_masks())
 
-    def _enter(self, world: World) -> None:
-        """Continue in another world, with what was computed for it before."""
+    def _enter(self, world: int) -> None:
+        """Continue in the world of a number, with what was computed for it before."""
         if world not in self._made:
-            self._made[world] = MlivrEnv(*world, **self._options)
-        made, self.world = self._made[world], world
+            self._made[world] = MlivrEnv(*self._worlds[world], **self._options)
+        made = self._made[world]
         if self.graph is not made.graph:
             self.close()
             self.graph, self.viewer, self._moves = made.graph, made.viewer, made.moves
