@@ -15,7 +15,7 @@ from mlivr_gym.extensions.benchmark.entry import (
     EpisodeRow,
     results_of,
 )
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, TASKS, HeldOutTasks
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, TASKS, held_out_tasks
 from mlivr_gym.settings import check_rules
 
 TOLERANCE = 1e-6
@@ -56,20 +56,19 @@ def check(
     most = max(summary["environment_steps"], default=0)
     if most > BUDGETS[summary["budget"]]:
         raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
-    held_out = {name: HeldOutTasks(name) for name in seeds}
     for k, row in enumerate(rows):
-        _check_row(held_out[row.environment], row)
+        _check_row(row)
         if progress is not None:
             progress(k + 1)
     _same("results", summary["results"], results_of(rows))
     return entry
 
 
-def _check_row(held_out: HeldOutTasks, row: EpisodeRow) -> None:
+def _check_row(row: EpisodeRow) -> None:
     """Replay an episode; the error names what does not follow."""
     place = f"{row.environment}, seed {row.seed}, task {row.task}: "
     try:
-        found, reference = held_out.run(Replay(row.actions), row.task)
+        found, reference = held_out_tasks(row.environment).run(Replay(row.actions), row.task)
     except StopIteration:
         raise BenchmarkError(
             f"{place}the episode goes on after its {len(row.actions)} actions"

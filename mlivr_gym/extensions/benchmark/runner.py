@@ -23,9 +23,9 @@ from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
     ENVIRONMENT_IDS,
     TASKS,
-    HeldOutTasks,
     Reference,
     TrainingEnv,
+    held_out_tasks,
 )
 from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
 from mlivr_gym.settings import GRAPH_RULES
@@ -107,13 +107,10 @@ def run(
             text = f"the entry has {name} {before[name]!r}, not {value!r}; give another folder"
             raise SettingError(text)
     told |= {"uses": "environment" if isinstance(make, type) else "observation", **_machine()}
-    held_out: dict[str, HeldOutTasks] = {}
     for seed, name in product(range(seeds or (SEEDS if learns else 1)), environments):
         if entry is not None and (name, seed) in entry.parts:
             continue
-        if name not in held_out:
-            held_out[name] = HeldOutTasks(name)
-        here, rows = held_out[name], list[EpisodeRow]()
+        here, rows = held_out_tasks(name), list[EpisodeRow]()
         training = TrainingEnv(here.env, BUDGETS[budget])
         began = time.process_time()
         policy: Any = make()
