@@ -13,7 +13,7 @@ ROLLOUT, BATCH, EPOCHS, GAMMA, CLIP, ENTROPY, RATE = 1000, 250, 5, 0.99, 0.2, 0.
 
 
 class PlainPPO:
-    """Learns from the reward alone, until the budget is spent."""
+    """Learns by trial and error until the budget is spent."""
 
     def train(self, env, seed):
         """Learn in a `TrainingEnv`."""

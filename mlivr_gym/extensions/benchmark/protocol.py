@@ -40,7 +40,7 @@ EFFORT = 300_000
 """Effort of the search for a reference plan of more than two limbs; the same on every machine."""
 
 
-class Reference(NamedTuple):
+class BestPlan(NamedTuple):
     """What the cost of a task is compared with."""
 
     cost: float
@@ -57,27 +57,27 @@ class HeldOutTasks:
         made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True).unwrapped
         assert isinstance(made, MlivrEnv)
         self.env = made
-        self._known: dict[int, Reference] = {}
+        self._known: dict[int, BestPlan] = {}
 
-    def run(self, policy: Policy, task: int) -> tuple[Episode, Reference]:
+    def run(self, policy: Policy, task: int) -> tuple[Episode, BestPlan]:
         """Return the episode of a policy in a task, and the reference."""
         episode = run_episode(self.env, policy, {"task": task}, None, MAX_ACTIONS)
         if task not in self._known:
             self._known[task] = self._reference(episode)
         return episode, self._known[task]
 
-    def _reference(self, episode: Episode) -> Reference:
+    def _reference(self, episode: Episode) -> BestPlan:
         """Return the fewest steps with the layout known, or the best plan that a search finds."""
         fewest = episode.start.get("fewest_steps")
         if fewest is not None:
-            return Reference(float(fewest), 1.0)
+            return BestPlan(float(fewest), 1.0)
         env, graph = self.env, self.env.graph
         goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
         options = SearchOptions() if graph.lists_all else SearchOptions(effort=EFFORT)
         search = SearchQuery.from_options(graph, goal, options)
         found = GraphSearcher(graph).find(search, episode.states[0])
         assert found is not None
-        return Reference(found.cost, found.bound)
+        return BestPlan(found.cost, found.bound)
 
 
 @cache

@@ -70,9 +70,8 @@ def _check_row(row: EpisodeRow) -> None:
     try:
         found, reference = held_out_tasks(row.environment).run(Replay(row.actions), row.task)
     except StopIteration:
-        raise BenchmarkError(
-            f"{place}the episode goes on after its {len(row.actions)} actions"
-        ) from None
+        text = f"{place}the episode goes on after its {len(row.actions)} actions"
+        raise BenchmarkError(text) from None
     told = {"actions": len(row.actions), "success": row.success, "times": len(row.milliseconds)}
     actions = len(found.actions)
     _same(f"{place}end", told, {"actions": actions, "success": found.success, "times": actions})

@@ -23,7 +23,7 @@ from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
     ENVIRONMENT_IDS,
     TASKS,
-    Reference,
+    BestPlan,
     TrainingEnv,
     held_out_tasks,
 )
@@ -143,7 +143,7 @@ def _machine() -> dict[str, Any]:
     }
 
 
-def _row(name: str, seed: int, task: int, result: tuple[Episode, Reference]) -> EpisodeRow:
+def _row(name: str, seed: int, task: int, result: tuple[Episode, BestPlan]) -> EpisodeRow:
     """Return the row of an episode in a task with its reference."""
     found, reference = result
     times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)

@@ -108,9 +108,9 @@ class UnseenEnv(MlivrEnv):
         bounds = ends.min(axis=0) - span, ends.max(axis=0) + span
         self._most = most = max(map(len, maps))
         self.action_space = spaces.Discrete(2 * most)
-        own: Any = self.observation_space
+        usual: Any = self.observation_space
         self.observation_space = spaces.Dict({
-            **own.spaces,
+            **usual.spaces,
             "stance": spaces.MultiDiscrete([most] * 2),
             "grasps": _box(bounds, (6,)),
             "base_position": _box(bounds, (3,)),
