@@ -9,7 +9,9 @@ JEM = jem_map().positions
 
 def act(observation, mask):
     """Return a valid action, from the observation and the mask of valid actions alone."""
-    points = observation["points"][observation["exists"] > 0] if "points" in observation else JEM
+    points = JEM
+    if "points" in observation:  # in an unseen place
+        points = observation["points"].reshape(-1, 3)[observation["exists"] > 0]
     held = observation["grasps"].reshape(-1, 3)
     steps = np.flatnonzero(mask[: len(held) * len(points)])
     if not len(steps):

@@ -68,9 +68,9 @@ class UnseenEnv(MlivrEnv):
 
     Spaces are those of the place with the most points, M. With m points in the present place action
     `limb * m + point` moves `limb` to `point`, as in `MlivrEnv`, and actions from 2 m on are
-    invalid. The observation has `points`, the positions of the points [m], shape (M, 3), of which
-    the first m exist, `exists`, whether each does, shape (M,), and `span`, how far apart limbs may
-    hold points at most [m], shape (1,).
+    invalid. The observation has `points`, the positions x, y, z of the points [m], shape (3 M,),
+    of which the first m exist, `exists`, whether each does, shape (M,), and `span`, how far apart
+    limbs may hold points at most [m], shape (1,).
 
     `graph` is that of the present world, so what uses the environment works as in `MlivrEnv`.
     """
@@ -115,7 +115,7 @@ class UnseenEnv(MlivrEnv):
             "grasps": _box(bounds, (6,)),
             "base_position": _box(bounds, (3,)),
             "goal": _box(bounds, (3,)),
-            "points": _box(bounds, (most, 3)),
+            "points": _box(bounds, (3 * most,)),
             "exists": spaces.MultiBinary(most),
             "span": spaces.Box(0.0, span, (1,), np.float32),
         })  # fmt: skip
@@ -168,8 +168,8 @@ class UnseenEnv(MlivrEnv):
         """Return the observation of the present state, with the points of the place."""
         seen: Any = super()._observation()
         positions, span = self.graph.grasp_map.positions, self.graph.robot.span
-        seen["points"] = np.zeros((self._most, 3), dtype=np.float32)
-        seen["points"][: len(positions)] = positions
+        seen["points"] = np.zeros(3 * self._most, dtype=np.float32)
+        seen["points"][: positions.size] = positions.ravel()
         seen["exists"] = (np.arange(self._most) < len(positions)).astype(np.int8)
         seen["span"] = np.array([span], dtype=np.float32)
         made: Observation = seen

@@ -48,7 +48,7 @@ def test_fixed_tasks_are_those_of_held_out_worlds_and_others_are_not(env, worlds
         count = len(one.graph.grasp_map)
         for name, values in seen.items():
             np.testing.assert_array_equal(observation[name], values)
-        places = observation["points"]
+        places = observation["points"].reshape(-1, 3)
         np.testing.assert_allclose(places[:count], one.graph.grasp_map.positions, atol=1e-6)
         assert not places[count:].any()
         assert observation["exists"].tolist() == [k < count for k in range(len(places))]
