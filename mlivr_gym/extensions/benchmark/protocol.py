@@ -14,6 +14,7 @@ from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import SearchOptions
+from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 
@@ -37,7 +38,7 @@ BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
 EFFORT = 300_000
-"""Effort of the search for a reference plan of more than two limbs; the same on every machine."""
+"""Effort of the search for a plan of more than two limbs, which is doubled until one is found."""
 
 
 class BestPlan(NamedTuple):
@@ -73,10 +74,11 @@ class HeldOutTasks:
             return BestPlan(float(fewest), 1.0)
         env, graph = self.env, self.env.graph
         goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
-        options = SearchOptions() if graph.lists_all else SearchOptions(effort=EFFORT)
-        search = SearchQuery.from_options(graph, goal, options)
-        found = GraphSearcher(graph).find(search, episode.states[0])
-        assert found is not None
+        effort, found = EFFORT, None
+        while found is None or found.status != GOAL_REACHED:
+            options = SearchOptions() if graph.lists_all else SearchOptions(effort=effort)
+            search = SearchQuery.from_options(graph, goal, options)
+            found, effort = GraphSearcher(graph).find(search, episode.states[0]), 2 * effort
         return BestPlan(found.cost, found.bound)
 
 

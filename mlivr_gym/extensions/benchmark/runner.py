@@ -104,8 +104,7 @@ def run(
     before = told if entry is None else entry.summary
     for name, value in told.items():
         if before[name] != value:
-            text = f"the entry has {name} {before[name]!r}, not {value!r}; give another folder"
-            raise SettingError(text)
+            raise SettingError(f"the entry has {name} {before[name]!r}, not {value!r}")
     told |= {"uses": "environment" if isinstance(make, type) else "observation", **_machine()}
     for seed, name in product(range(seeds or (SEEDS if learns else 1)), environments):
         if entry is not None and (name, seed) in entry.parts:

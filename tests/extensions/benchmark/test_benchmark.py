@@ -289,6 +289,14 @@ def test_four_limbs_are_compared_with_a_plan_that_is_proved_to_a_bound():
         assert here.run(planner_policy("steps"), task)[1] is reference
 
 
+def test_a_search_whose_effort_finds_no_plan_goes_on(monkeypatch):
+    here = HeldOutTasks("MLIVR4-JEM-Anywhere-v0")
+    monkeypatch.setattr(protocol, "EFFORT", 1)
+    episode, reference = here.run(planner_policy("steps"), 1)
+    assert 0.0 < reference.cost <= -episode.total_reward
+    assert reference.bound < np.inf
+
+
 def test_labels_are_those_of_a_plan_where_not_all_steps_are_known(monkeypatch):
     env = TrainingEnv(HeldOutTasks("MLIVR-Unseen-v0").env, 20)
     env.reset(seed=4)  # in a world without a table
