@@ -98,7 +98,7 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: MlivrEnv, budget: int) -> None:
         """Wrap an environment; `budget` is the number of its steps."""
         super().__init__(gymnasium.wrappers.TimeLimit(env, MAX_ACTIONS))
-        self.budget, self.environment_steps = budget, 0
+        self.budget, self.environment_steps, self._inner = budget, 0, env
         self._expert, self._planner = ExpertPolicy(), planner_policy(env.reward.cost)
 
     def reset(
@@ -137,13 +137,6 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
             return self._planner.act(env, self._seen, env.action_masks())
         costs = self._expert.costs(env)
         return int(np.argmax(costs <= costs.min() + 1e-9))
-
-    @property
-    def _inner(self) -> MlivrEnv:
-        """The environment without wrappers."""
-        inner = self.unwrapped
-        assert isinstance(inner, MlivrEnv)
-        return inner
 
     def _count(self) -> None:
         """Count a step."""
