@@ -14,7 +14,6 @@ from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import SearchOptions
-from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 
@@ -38,7 +37,7 @@ BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
 EFFORT = 300_000
-"""Effort of the search for a plan of more than two limbs, which is doubled until one is found."""
+"""Effort of a search with more than two limbs, doubled until a plan is proved to a bound."""
 
 
 class BestPlan(NamedTuple):
@@ -75,7 +74,7 @@ class HeldOutTasks:
         env, graph = self.env, self.env.graph
         goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
         effort, found = EFFORT, None
-        while found is None or found.status != GOAL_REACHED:
+        while found is None or found.bound == np.inf:
             options = SearchOptions() if graph.lists_all else SearchOptions(effort=effort)
             search = SearchQuery.from_options(graph, goal, options)
             found, effort = GraphSearcher(graph).find(search, episode.states[0]), 2 * effort

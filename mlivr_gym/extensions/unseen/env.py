@@ -8,14 +8,11 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
-from mlivr_gym import GraspMap, RobotSpec, robot_spec
+from mlivr_gym import GraspMap, RobotSpec, State, robot_spec
 from mlivr_gym.arguments import Reader, checked
-from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.envs import TASKS, LayoutTasks, MlivrEnv, Observation, TaskGenerator
-from mlivr_gym.envs.actions import action_number
-from mlivr_gym.envs.tasks import FIXED_NUMBER
 from mlivr_gym.errors import SettingError
 from mlivr_gym.schema import Anything, FieldPath, ListOf
 from mlivr_gym.world import as_map
@@ -51,9 +48,6 @@ def _read_world(given: Any, place: FieldPath) -> tuple[RobotSpec, GraspMap]:
 
 WORLDS = ListOf(Reader(_read_world), 1, 64)
 """Validator of worlds."""
-
-TASK = FieldPath("options.task", SettingError)
-"""Where the number of a fixed task stands, for messages."""
 
 CHOSEN = ("robot", "map", "dynamics", "grasp_failure", "info_regret")
 """Arguments of `MlivrEnv` that this environment does not take."""
@@ -131,22 +125,9 @@ class UnseenEnv(MlivrEnv):
         task = (options or {}).get("task")
         if not options:
             self._enter(int(self.np_random.integers(self._seen)))
-        elif task is not None:
-            fixed = FIXED_NUMBER.read(task, TASK) % (len(self._worlds) - self._seen)
-            self._enter(self._seen + fixed)
+        elif isinstance(task, int | np.integer):
+            self._enter(self._seen + int(task) % (len(self._worlds) - self._seen))
         return super().reset(seed=seed, options=options)
-
-    def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Take an action, see `MlivrEnv.step`; one that moves no limb to a point is invalid."""
-        number = action_number(action, 2 * self._most)
-        if number >= 2 * len(self.graph.grasp_map):
-            # A limb that moves to its own point is as invalid.
-            number = self.state.stance[0]
-        return super().step(number)
-
-    def action_masks(self) -> BoolArray:
-        """Return which actions are valid, shape (2 M,); see `MlivrEnv.action_masks`."""
-        return self._padded(super().action_masks())
 
     def _enter(self, world: int) -> None:
         """Continue in the world of a number, with what was computed for it before."""
@@ -160,9 +141,10 @@ class UnseenEnv(MlivrEnv):
             self._moves_version, self._graph_version = made.graph.version, made.graph.version
             self._state = None
 
-    def _padded(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Return values of the 2 m actions, with zeros up to 2 M."""
-        return np.concatenate([values, np.zeros(2 * self._most - len(values), values.dtype)])
+    def _enter_state(self, state: State) -> None:
+        """Set the present state, see `MlivrEnv`; the mask goes on with actions that are invalid."""
+        super()._enter_state(state)
+        self._mask = np.concatenate([self._mask, np.zeros(2 * self._most - len(self._mask), bool)])
 
     def _observation(self) -> Observation:
         """Return the observation of the present state, with the points of the place."""
@@ -174,11 +156,6 @@ class UnseenEnv(MlivrEnv):
         seen["span"] = np.array([span], dtype=np.float32)
         made: Observation = seen
         return made
-
-    def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
-        """Return the information on the present state, with a mask of the padded actions."""
-        info = super()._info(invalid, failed)
-        return {**info, "action_mask": self._padded(info["action_mask"])}
 
 
 def _box(bounds: tuple[Array, Array], shape: tuple[int, ...]) -> spaces.Box:
