@@ -25,7 +25,7 @@ ENVIRONMENT_IDS = (
     "MLIVR-JEM-Far-v0",
     "MLIVR-Random-v0",
 )
-"""Ids of the environments: those that no learned policy has solved come first."""
+"""Ids of the environments: those in which learned policies fall short come first."""
 
 TASKS = 200
 """Number of held-out tasks of each environment, the fixed tasks from 0."""
