@@ -3,10 +3,10 @@
     python experiments/readme.py
 
 Each experiment writes its results as JSON and as a report. This script writes all reports again
-from the JSON files, and fills the marked places of README and docs. A place starts with `<!-- NAME
--->` and ends with `<!-- end of NAME -->`; `parts` lists the names. The field tables of
-`docs/formats.md` come from the schemas in the same way. It takes some seconds; `make test` fails if
-a page states another value.
+from the JSON files, and fills the marked places of README and docs, also from the entries in
+`benchmark/`. A place starts with `<!-- NAME -->` and ends with `<!-- end of NAME -->`; `parts`
+lists the names. The field tables of `docs/formats.md` come from the schemas in the same way. It
+takes some seconds; `make test` fails if a page states another value.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import simulation_figures
 from reports import ROOT, command_line, table
 
 from mlivr_gym.cli.table1 import HEAD, HEAD_LINE, table_markdown, table_rows
+from mlivr_gym.extensions.benchmark import BenchmarkEntry, markdown_table
 from mlivr_gym.files import write_whole
 
 CASES = {
@@ -186,6 +187,12 @@ def at_first(planning: dict[str, Any], start: dict[str, Any]) -> str:
     )
 
 
+def benchmark_entries(folder: Path) -> str:
+    """Return the table of the benchmark's entries, as `mlivr-gym benchmark table` prints it."""
+    found = sorted(path.parent for path in folder.glob("*/summary.json"))
+    return markdown_table({entry.name: BenchmarkEntry.read(entry) for entry in found})
+
+
 def parts(results: Path) -> dict[str, str]:
     """Return the contents of the marked places by name."""
 
@@ -194,6 +201,7 @@ def parts(results: Path) -> dict[str, str]:
 
     return {
         "paper": paper(data("table1")),
+        "benchmark": benchmark_entries(ROOT / "benchmark"),
         "policies": policies(data("planner_vs_rl")),
         "speed": speed(data("benchmark_planning"), data("benchmark_env"), data("start_up")),
         "at_first": at_first(data("benchmark_planning"), data("start_up")),

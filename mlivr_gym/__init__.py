@@ -1,9 +1,9 @@
 """Planning and learning for multi-limbed robots that climb hand over hand inside space stations.
 
 Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLIVR-JEM-Far-v0`,
-`MLIVR-Random-v0`, `MLIVR-JEM-Cargo-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`, `MLIVR-USLab-v0`,
-`MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`, `MLIVR-Station-v0`, `MLIVR-Truss-v0`, and those of the
-extensions.
+`MLIVR-Random-v0`, `MLIVR-JEM-Cargo-v0`, `MLIVR3-JEM-v0`, `MLIVR4-JEM-v0`,
+`MLIVR4-JEM-Anywhere-v0`, `MLIVR-USLab-v0`, `MLIVR-Columbus-v0`, `MLIVR-Hatch-v0`,
+`MLIVR-Station-v0`, `MLIVR-Truss-v0`, and those of the extensions.
 """
 
 import mlivr_gym._interrupts  # before what takes time
@@ -83,6 +83,12 @@ for _limbs in (3, 4):
         max_episode_steps=100,
         kwargs={"robot": f"mlivr{_limbs}"},
     )
+register(
+    id="MLIVR4-JEM-Anywhere-v0",
+    entry_point="mlivr_gym.envs.env:MlivrEnv",
+    max_episode_steps=100,
+    kwargs={"robot": "mlivr4", "tasks": "anywhere"},
+)
 for _name in ("USLab", "Columbus", "Hatch", "Station"):
     register(
         id=f"MLIVR-{_name}-v0",

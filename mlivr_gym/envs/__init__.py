@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from mlivr_gym.envs.reset_options import ResetOptions
     from mlivr_gym.envs.rewards import CostReward
     from mlivr_gym.envs.task import Task, TaskGenerator
-    from mlivr_gym.envs.tasks import TASKS, WalkTasks, sample_task
+    from mlivr_gym.envs.tasks import TASKS, AnywhereTasks, WalkTasks, sample_task
     from mlivr_gym.envs.vector_env import MlivrVectorEnv
     from mlivr_gym.envs.wrappers import ActionMaskObservation, RecordVideo
 
 __all__ = [
     "TASKS",
     "ActionMaskObservation",
+    "AnywhereTasks",
     "Attempt",
     "CostReward",
     "LayoutTasks",

@@ -127,9 +127,10 @@ class MlivrEnv(StanceGraphEnv):
 
     ## Starting State
     `tasks` draws start and goal: `"walk"` such that a walk of valid steps joins them, `"far"`
-    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module, and `"random"`
-    (`MLIVR-Random-v0`) with a new layout of occupied points, as `"clutter"` does in clusters; it
-    stays if both start and goal are given. Tasks, grasp failures and disturbances are drawn from
+    (`MLIVR-JEM-Far-v0`) with the goal in the other half of the module, `"anywhere"`
+    (`MLIVR4-JEM-Anywhere-v0`) such that a plan joins them, and `"random"` (`MLIVR-Random-v0`) with
+    a new layout of occupied points, as `"clutter"` does in clusters; it stays if both start and
+    goal are given. Tasks, grasp failures and disturbances are drawn from
     one random stream, which the seed of `reset` starts, and which a reset without a seed continues.
     `reset(options=...)` takes:
 
@@ -181,7 +182,7 @@ class MlivrEnv(StanceGraphEnv):
     | `info_regret` | False | whether `info` has cost-to-go and regret; for rewards by a cost |
     | `success_bonus` | 0.0 | reward added when the goal is reached |
     | `shaping`, `discount` | False, 0.99 | whether to add shaping, and its discount |
-    | `tasks` | `"walk"` | `"walk"`, `"far"`, `"random"`, `"clutter"`, or a `TaskGenerator` |
+    | `tasks` | `"walk"` | or `"far"`, `"anywhere"`, `"random"`, `"clutter"`, a `TaskGenerator` |
     | `dynamics` | `"kinematic"` | `"kinematic"` or `"mujoco"` |
     | `limits` | None | speed in MuJoCo: `"fast"`, `"gentle"`, `"careful"`, `"station"` |
     | `controller` | None | `"full"`, `"feedforward"`, `"paper"`, `"delayed"`, `"station"` |

@@ -1,8 +1,8 @@
 """Tasks: generators that draw starts and goals which a walk of valid steps connects.
 
 Any object with the method `draw` of `TaskGenerator` is a generator. The names `"walk"`, `"far"`,
-`"random"` and `"clutter"` stand for `WalkTasks()`, `WalkTasks(far=True)`, `LayoutTasks()` and
-`LayoutTasks(clustered=True)`.
+`"anywhere"`, `"random"` and `"clutter"` stand for `WalkTasks()`, `WalkTasks(far=True)`,
+`AnywhereTasks()`, `LayoutTasks()` and `LayoutTasks(clustered=True)`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,10 @@ from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task, TaskGenerator
 from mlivr_gym.errors import SettingError, StanceError, shortened
+from mlivr_gym.planners.costs import Cost
+from mlivr_gym.planners.outcome import GOAL_REACHED
+from mlivr_gym.planners.query import Goal, SearchQuery
+from mlivr_gym.planners.searches import GraphSearcher
 from mlivr_gym.schema import Choice, FieldPath, Integer
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -65,9 +69,49 @@ class WalkTasks:
         return {"kind": "far" if self.far else "walk"}
 
 
+@dataclass(frozen=True)
+class AnywhereTasks:
+    """Task generator whose start and goal lie anywhere on the map and are joined by a plan.
+
+    The start is a random stance that a step leaves, see `stances.random_states`, and the goal the
+    base position of another. Both are drawn again until the goal lies in the cabin, outside the
+    goal region around the start, and a search finds a plan. With three and four limbs such plans
+    are far longer than the walks of `WalkTasks`, and the search takes about half a second.
+    """
+
+    @checked({"tolerance": NOT_NEGATIVE})
+    def draw(
+        self,
+        graph: StanceGraph,
+        rng: np.random.Generator,
+        tolerance: float,
+        start: State | None = None,
+    ) -> Task:
+        """Return a task; see `TaskGenerator.draw`."""
+        searcher, (low, high) = GraphSearcher(graph), graph.grasp_map.cabin
+        for _ in range(TRIES):
+            state = random_state(graph, rng) if start is None else start
+            position = graph.posture_of(random_state(graph, rng)).base_position[0]
+            if (position < low).any() or (position > high).any():
+                continue
+            goal = Goal(position, tolerance, Cost.named("steps"))
+            if not goal.reached(graph.posture_of(state).base_position, state.stance).any():
+                found = searcher.find(SearchQuery.from_options(graph, goal), state)
+                if found is not None and found.status == GOAL_REACHED:
+                    return Task(state, position)
+        raise StanceError(
+            f"no goal that a plan reaches was found on map {graph.grasp_map.name!r} in {TRIES} "
+            "draws"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data from which `TASKS` builds this generator."""
+        return {"kind": "anywhere"}
+
+
 TASK_GENERATORS: dict[str, TaskGenerator] = {
-    "walk": WalkTasks(), "far": WalkTasks(far=True), "random": LayoutTasks(),
-    "clutter": LayoutTasks(clustered=True),
+    "walk": WalkTasks(), "far": WalkTasks(far=True), "anywhere": AnywhereTasks(),
+    "random": LayoutTasks(), "clutter": LayoutTasks(clustered=True),
 }  # fmt: skip
 """The task generators by name."""
 

@@ -7,6 +7,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from stable_baselines3.common.env_checker import check_env as check_env_of_sb3
 
+from mlivr_gym.envs import AnywhereTasks
 from mlivr_gym.envs.layout_tasks import LayoutTasks
 from mlivr_gym.robot.cargo import Cargo
 
@@ -21,6 +22,10 @@ ENVIRONMENTS = {
     "MLIVR-JEM-ClosedLoop-v0": lambda env: env.boxes == 5 and env.plates == 10,
     "MLIVR3-JEM-v0": lambda env: env.graph.robot.name == "mlivr3",
     "MLIVR4-JEM-v0": lambda env: env.graph.robot.name == "mlivr4",
+    "MLIVR4-JEM-Anywhere-v0": lambda env: (
+        env.graph.robot.name == "mlivr4" and env.tasks == AnywhereTasks()
+    ),
+    "MLIVR-Unseen-v0": lambda env: env.tasks == AnywhereTasks(),
 }
 """Names, and what they promise."""
 
@@ -35,6 +40,9 @@ def test_every_environment_that_is_registered_is_checked():
 
 
 def arguments(small_map, name=""):
+    if "Unseen" in name:
+        worlds = [("mlivr2", small_map)]
+        return {"training": worlds, "held_out": worlds, "collisions": False}
     if "ClosedLoop" in name:
         return {"map": small_map, "camera": {"pixels": 10, "period": 2.0}}
     return {"map": small_map, "collisions": False}

@@ -72,6 +72,10 @@ SPECIAL = {
     "MlivrEnv": lambda of: {"map": of.map},
     "ClosedLoopEnv": lambda of: {"map": of.map},
     "UnknownMapEnv": lambda of: {"map": of.map},
+    "UnseenEnv": lambda of: {
+        "training": [("mlivr2", of.map)],
+        "held_out": [("mlivr2", of.map)],
+    },
     "MlivrVectorEnv": lambda of: {"num_envs": 2, "env": of["MlivrEnv"]},
     "StanceGraphEnv": lambda of: {"size": (32, 16)},
     "stance_graph": lambda of: {"grasp_map": of.map, "settings": of.settings},

@@ -299,6 +299,7 @@ CASES = {
     "with layouts": environment("MLIVR-Random-v0"),
     "with dynamics": environment("MLIVR-JEM-v0", dynamics="mujoco"),
     "UnknownMapEnv": environment("MLIVR-JEM-Unknown-v0"),
+    "UnseenEnv": environment("MLIVR-Unseen-v0"),
     "ClosedLoopEnv": environment(LOOP, boxes=0, plates=0, camera=None),
     "MlivrVectorEnv": Case(vector, lambda env: env.action_masks(), play_batch),
     "ActionMaskObservation": Case(masked, lambda env: env.action_masks(), play),

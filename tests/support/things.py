@@ -32,6 +32,7 @@ from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
 from mlivr_gym.extensions.reaction.fastest import Candidate
 from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.extensions.studies import StudyDesign, run_study
+from mlivr_gym.extensions.unseen import UnseenEnv
 from mlivr_gym.extensions.why_not.smallest_change import Change
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.camera import Camera
@@ -145,6 +146,13 @@ def mission(things):
     return CargoMission(0, things["Cargo"], (things["StanceGraph"],) * 2, (plan,) * 2, (knots,) * 3)
 
 
+def unseen(things):
+    """An environment of one world, in which it trains, at the start of an episode."""
+    env = UnseenEnv([("mlivr2", things.map)], [("mlivr2", things.map)])
+    env.reset(seed=0)
+    return env
+
+
 MAKERS = {
     "StanceGraph": lambda of: stance_graph(of.map, settings=of.settings),
     "three-limb graph": lambda of: stance_graph(of.map, "mlivr3", of.settings),
@@ -156,6 +164,7 @@ MAKERS = {
     "StanceGraphEnv": lambda of: of["MlivrEnv"],
     "ClosedLoopEnv": lambda of: environment(of, ClosedLoopEnv),
     "UnknownMapEnv": lambda of: environment(of, UnknownMapEnv),
+    "UnseenEnv": unseen,
     "MlivrVectorEnv": lambda of: MlivrVectorEnv(2, env=MlivrEnv(map=of.map)),
     "ActionMaskObservation": lambda of: ActionMaskObservation(of["MlivrEnv"]),
     "PointObservation": lambda of: mlivr("agents.features").PointObservation(of["MlivrEnv"]),
@@ -168,6 +177,7 @@ MAKERS = {
     "Moves": lambda of: of["MlivrEnv"].moves,
     "Postures": lambda of: of["StanceGraph"].posture(of["State"].stance),
     "LayoutTasks": lambda of: mlivr("envs.layout_tasks").LayoutTasks(),
+    "AnywhereTasks": lambda of: mlivr("envs.tasks").AnywhereTasks(),
     "WalkTasks": lambda of: mlivr("envs.tasks").WalkTasks(),
     "CostReward": lambda of: REWARDS["base"],
     "TotalReward": lambda of: TotalReward(REWARDS["base"], 1.0, False, 0.9, 0.2),

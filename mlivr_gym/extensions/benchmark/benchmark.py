@@ -40,7 +40,8 @@ def run(args: argparse.Namespace) -> None:
     """Run a policy through the benchmark, check entries, or list them in a table.
 
     `run` trains or loads a policy, evaluates it on the 200 held-out tasks of each environment, and
-    writes summary.json, episodes.csv and scores.png. `check` replays the actions of entries and
+    writes summary.json, episodes.csv and scores.png. It does so after each environment and seed,
+    and goes on with the entry that is in the folder. `check` replays the actions of entries and
     refuses those that do not add up. `table` prints the Markdown table of entries.
     """
     if args.action == "run":
@@ -71,12 +72,20 @@ def _run(args: argparse.Namespace) -> None:
         raise SettingError(f"run needs {', '.join(missing)}")
     folder = Path(args.out)
     files = [folder / name for name in (SUMMARY, EPISODES, PICTURE)]
-    check_outputs(*files, folder=folder)
+    entry = BenchmarkEntry.read(folder) if files[0].exists() else None
+    if entry is None:
+        check_outputs(*files, folder=folder)
     names = ENVIRONMENT_IDS if args.environment is None else (args.environment,)
+
+    def save(entry: BenchmarkEntry) -> None:
+        with all_or_none(args, folder):
+            entry.write(folder)
+
     with Progress("episodes", quiet=args.quiet) as progress:
-        entry = run_policy(args.policy, args.budget, args.seeds, names, progress=progress.show)
-    with all_or_none(args, folder):
-        entry.write(folder)
+        entry = run_policy(
+            args.policy, args.budget, args.seeds, names, entry=entry, save=save,
+            progress=progress.show,
+        )  # fmt: skip
     args.result |= {"folder": folder, "results": entry.summary["results"]}
     for name, result in entry.summary["results"].items():
         print(f"{name}: score {result['score']:.3f}, success {100 * result['success']:.0f} %")

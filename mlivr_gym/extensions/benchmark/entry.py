@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,7 +40,7 @@ SUMMARY_FIELDS = Fields(
         "results": Anything(),
     }
 )
-"""Validator of a summary; training steps and processor time are by environment and seed."""
+"""Validator of a summary, with the largest number of seeds; `results` has each environment's."""
 
 
 class BenchmarkError(MlivrError):
@@ -60,8 +60,10 @@ class EpisodeRow(NamedTuple):
     """Whether the goal was reached."""
     cost: float
     """Cost of the actions under the reward of the environment."""
-    optimum: float
-    """Optimal cost of the task."""
+    reference: float
+    """Cost of the best plan known."""
+    bound: float
+    """Proved: no actions cost less than `reference / bound`."""
     actions: tuple[int, ...]
     """The actions."""
     milliseconds: tuple[float, ...]
@@ -69,8 +71,12 @@ class EpisodeRow(NamedTuple):
 
     @property
     def score(self) -> float:
-        """Success times optimal cost over cost."""
-        return self.optimum / self.cost if self.success else 0.0
+        """Success times reference over cost."""
+        return self.reference / self.cost if self.success else 0.0
+
+
+BY_SEED = "environment_steps", "processor_seconds"
+"""What a summary has for each environment and seed."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +102,21 @@ class BenchmarkEntry:
             write_whole(Path(folder, EPISODES), text.getvalue())
             save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
+    @property
+    def parts(self) -> dict[tuple[str, int], int]:
+        """Place of each environment and seed with episodes among what the summary has for each."""
+        found = dict.fromkeys((row.environment, row.seed) for row in self.rows)
+        return {part: k for k, part in enumerate(found)}
+
+    def joined(self, other: BenchmarkEntry) -> BenchmarkEntry:
+        """Return this entry with the environments and seeds of another, which it lacks."""
+        rows = tuple(sorted((*self.rows, *other.rows), key=_order))
+        of = {part: (one, k) for one in (self, other) for part, k in one.parts.items()}
+        order = [of[part] for part in BenchmarkEntry({}, rows).parts]
+        told: dict[str, Any] = {by: [one.summary[by][k] for one, k in order] for by in BY_SEED}
+        told |= {"seeds": max(row.seed for row in rows) + 1, "results": results_of(rows)}
+        return BenchmarkEntry(self.summary | told, rows)
+
     @classmethod
     def read(cls, folder: str | Path) -> BenchmarkEntry:
         """Return the entry in a folder; the `BenchmarkError` names what cannot be read."""
@@ -111,18 +132,22 @@ class BenchmarkEntry:
         return cls(summary, rows)
 
 
+def _order(row: EpisodeRow) -> tuple[int, int, int]:
+    """Return the place of an episode: by environment, seed and task."""
+    return ENVIRONMENT_IDS.index(row.environment), row.seed, row.task
+
+
+COLUMNS: tuple[Callable[[str], Any], ...] = (
+    str, int, int, {"True": True, "False": False}.__getitem__, float, float, float,
+    lambda text: tuple(map(int, text.split())), lambda text: tuple(map(float, text.split())),
+)  # fmt: skip
+"""How each column of `EpisodeRow` is read."""
+
+
 def _row_of(fields: dict[str, str]) -> EpisodeRow:
     """Return the episode of a line; a `ValueError` or `KeyError` if it is not one."""
-    return EpisodeRow(
-        fields["environment"],
-        int(fields["seed"]),
-        int(fields["task"]),
-        {"True": True, "False": False}[fields["success"]],
-        float(fields["cost"]),
-        float(fields["optimum"]),
-        tuple(map(int, fields["actions"].split())),
-        tuple(map(float, fields["milliseconds"].split())),
-    )
+    read = zip(COLUMNS, EpisodeRow._fields, strict=True)
+    return EpisodeRow(*(column(fields[name]) for column, name in read))
 
 
 def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
@@ -136,9 +161,11 @@ def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
         scores = [np.mean([row.score for row in here if row.seed == seed]) for seed in seeds]
         times = [t for row in here for t in row.milliseconds]
         found[name] = {
+            "seeds": len(seeds),
             "score": round(float(np.mean(scores)), 6),
             "score_percentiles": np.percentile(scores, (2.5, 97.5)).round(6).tolist(),
             "success": round(float(np.mean([row.success for row in here])), 6),
+            "references_proved": round(float(np.mean([row.bound == 1.0 for row in here])), 6),
             "milliseconds_a_task": round(sum(times) / len(here), 3),
         }
     return found
@@ -154,7 +181,7 @@ def score_figure(rows: Sequence[EpisodeRow]) -> Any:
             share = 100.0 * np.arange(1, len(scores) + 1) / len(scores)
             axes.step(share, scores, where="pre", label=f"{name}: {scores.mean():.3f}")
     axes.set(xlim=(0, 100), ylim=(0, 1.02), xlabel="tasks [%]")
-    axes.set_ylabel(f"optimal cost / cost (0: not in {MAX_ACTIONS} actions)")
+    axes.set_ylabel(f"reference / cost (0: not in {MAX_ACTIONS} actions)")
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, loc="lower left")
     figure.set_layout_engine("constrained")

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
 
-from mlivr_gym.agents import ExpertPolicy, Policy
+from mlivr_gym.agents import ExpertPolicy, Policy, planner_policy
 from mlivr_gym.agents.evaluation import Episode, run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 
-ENVIRONMENT_IDS = ("MLIVR-JEM-v0", "MLIVR-JEM-Far-v0", "MLIVR-Random-v0")
-"""Ids of the environments."""
+ENVIRONMENT_IDS = (
+    "MLIVR4-JEM-Anywhere-v0",
+    "MLIVR-JEM-Unknown-v0",
+    "MLIVR-Unseen-v0",
+    "MLIVR-JEM-v0",
+    "MLIVR-JEM-Far-v0",
+    "MLIVR-Random-v0",
+)
+"""Ids of the environments: those in which learned policies fall short come first."""
 
 TASKS = 200
 """Number of held-out tasks of each environment, the fixed tasks from 0."""
@@ -27,30 +36,55 @@ MAX_ACTIONS = 60
 BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
+EFFORT = 300_000
+"""Effort of a search with more than two limbs, doubled until a plan is proved to a bound."""
+
+
+class BestPlan(NamedTuple):
+    """What the cost of a task is compared with."""
+
+    cost: float
+    """Cost of the best plan known."""
+    bound: float
+    """Proved: no actions cost less than `cost / bound`. It is 1 if none cost less."""
+
 
 class HeldOutTasks:
-    """The held-out tasks of an environment, and the optimum of each."""
+    """The held-out tasks of an environment, and the reference of each."""
 
     def __init__(self, name: str) -> None:
         """Make the environment of an id."""
         made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True).unwrapped
         assert isinstance(made, MlivrEnv)
         self.env = made
-        self._searcher = GraphSearcher(made.graph)
+        self._known: dict[int, BestPlan] = {}
 
-    def run(self, policy: Policy, task: int) -> tuple[Episode, float]:
-        """Return the episode of a policy in a task, and the optimal cost.
+    def run(self, policy: Policy, task: int) -> tuple[Episode, BestPlan]:
+        """Return the episode of a policy in a task, and the reference."""
+        episode = run_episode(self.env, policy, {"task": task}, None, MAX_ACTIONS)
+        if task not in self._known:
+            self._known[task] = self._reference(episode)
+        return episode, self._known[task]
 
-        The search takes a hundredth of the time of the exact cost-to-go from all states.
-        """
-        env = self.env
-        episode = run_episode(env, policy, {"task": task}, None, MAX_ACTIONS)
+    def _reference(self, episode: Episode) -> BestPlan:
+        """Return the fewest steps with the layout known, or the best plan that a search finds."""
+        fewest = episode.start.get("fewest_steps")
+        if fewest is not None:
+            return BestPlan(float(fewest), 1.0)
+        env, graph = self.env, self.env.graph
         goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
-        search = SearchQuery.from_options(env.graph, goal)
-        found = self._searcher.find(search, episode.states[0])
-        assert found is not None
-        assert found.bound == 1.0
-        return episode, found.cost
+        effort, found = EFFORT, None
+        while found is None or found.bound == np.inf:
+            options = SearchOptions() if graph.lists_all else SearchOptions(effort=effort)
+            search = SearchQuery.from_options(graph, goal, options)
+            found, effort = GraphSearcher(graph).find(search, episode.states[0]), 2 * effort
+        return BestPlan(found.cost, found.bound)
+
+
+@cache
+def held_out_tasks(name: str) -> HeldOutTasks:
+    """Return the held-out tasks of an environment, the same in a process, with what they know."""
+    return HeldOutTasks(name)
 
 
 class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
@@ -63,8 +97,8 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     def __init__(self, env: MlivrEnv, budget: int) -> None:
         """Wrap an environment; `budget` is the number of its steps."""
         super().__init__(gymnasium.wrappers.TimeLimit(env, MAX_ACTIONS))
-        self.budget, self.environment_steps = budget, 0
-        self._expert = ExpertPolicy()
+        self.budget, self.environment_steps, self._inner = budget, 0, env
+        self._expert, self._planner = ExpertPolicy(), planner_policy(env.reward.cost)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -75,7 +109,8 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
         """
         if options and options.get("task") is not None:
             raise SettingError("fixed tasks are held out; train with seeds below 2^62")
-        return self.env.reset(seed=seed, options=options)
+        self._seen, info = self.env.reset(seed=seed, options=options)
+        return self._seen, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take an action, which counts as a step.
@@ -92,18 +127,15 @@ class TrainingEnv(gymnasium.Wrapper[Any, Any, Any, Any]):
     def expert_action(self) -> int:
         """Return an optimal action in the present state, which counts as a step.
 
-        Raises a `SettingError` when the budget is spent.
+        If not all steps are known, it is the next one of a plan, of three and more limbs the first
+        plan that is found. Raises a `SettingError` when the budget is spent.
         """
         self._count()
-        costs = self._expert.costs(self._inner)
+        env = self._inner
+        if not (env.graph.lists_all and env.graph.is_complete):
+            return self._planner.act(env, self._seen, env.action_masks())
+        costs = self._expert.costs(env)
         return int(np.argmax(costs <= costs.min() + 1e-9))
-
-    @property
-    def _inner(self) -> MlivrEnv:
-        """The environment without wrappers."""
-        inner = self.unwrapped
-        assert isinstance(inner, MlivrEnv)
-        return inner
 
     def _count(self) -> None:
         """Count a step."""

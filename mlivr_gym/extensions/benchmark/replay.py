@@ -15,7 +15,7 @@ from mlivr_gym.extensions.benchmark.entry import (
     EpisodeRow,
     results_of,
 )
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS, HeldOutTasks
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, TASKS, held_out_tasks
 from mlivr_gym.settings import check_rules
 
 TOLERANCE = 1e-6
@@ -40,7 +40,7 @@ def check(
     """Return the entry in a folder if it adds up.
 
     Each environment must have the first `tasks` tasks for each seed. Their actions are replayed;
-    success, cost, optimum and what the summary tells must follow. `progress` is called with the
+    success, cost, reference and what the summary tells must follow. `progress` is called with the
     number of checked episodes. Raises a `BenchmarkError` that names the first fault.
     """
     entry = BenchmarkEntry.read(folder)
@@ -48,39 +48,37 @@ def check(
     check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
     if summary["tasks"] != tasks:
         raise BenchmarkError(f"the entry has {summary['tasks']} tasks; it must have {tasks}")
-    names = [name for name in ENVIRONMENT_IDS if any(row.environment == name for row in rows)]
-    expected = list(product(names, range(summary["seeds"]), range(tasks)))
-    if [row[:3] for row in rows] != expected or not names:
-        raise BenchmarkError(
-            f"the episodes are not those of {tasks} tasks and {summary['seeds']} seeds in turn"
-        )
+    seeds = {name: result["seeds"] for name, result in results_of(rows).items()}
+    expected = [(name, *at) for name, n in seeds.items() for at in product(range(n), range(tasks))]
+    if [row[:3] for row in rows] != expected or not rows:
+        raise BenchmarkError(f"the episodes are not those of {tasks} tasks and each seed in turn")
+    _same("seeds", summary["seeds"], max(seeds.values()))
     most = max(summary["environment_steps"], default=0)
     if most > BUDGETS[summary["budget"]]:
         raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
-    held_out = {name: HeldOutTasks(name) for name in names}
     for k, row in enumerate(rows):
-        _check_row(held_out[row.environment], row)
+        _check_row(row)
         if progress is not None:
             progress(k + 1)
     _same("results", summary["results"], results_of(rows))
     return entry
 
 
-def _check_row(held_out: HeldOutTasks, row: EpisodeRow) -> None:
+def _check_row(row: EpisodeRow) -> None:
     """Replay an episode; the error names what does not follow."""
     place = f"{row.environment}, seed {row.seed}, task {row.task}: "
     try:
-        found, optimum = held_out.run(Replay(row.actions), row.task)
+        found, reference = held_out_tasks(row.environment).run(Replay(row.actions), row.task)
     except StopIteration:
-        raise BenchmarkError(
-            f"{place}the episode goes on after its {len(row.actions)} actions"
-        ) from None
+        text = f"{place}the episode goes on after its {len(row.actions)} actions"
+        raise BenchmarkError(text) from None
     told = {"actions": len(row.actions), "success": row.success, "times": len(row.milliseconds)}
     actions = len(found.actions)
     _same(f"{place}end", told, {"actions": actions, "success": found.success, "times": actions})
     for name, told_cost, cost in (
         ("cost", row.cost, -found.total_reward),
-        ("optimum", row.optimum, optimum),
+        ("reference", row.reference, reference.cost),
+        ("bound", row.bound, reference.bound),
     ):
         if not abs(told_cost - cost) <= TOLERANCE:
             raise BenchmarkError(f"{place}{name} is {told_cost!r}; the replay gives {cost!r}")

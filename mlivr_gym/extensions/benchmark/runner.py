@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
+from itertools import product
 from typing import Any
 
 from mlivr_gym import __version__
@@ -22,8 +23,9 @@ from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
     ENVIRONMENT_IDS,
     TASKS,
-    HeldOutTasks,
+    BestPlan,
     TrainingEnv,
+    held_out_tasks,
 )
 from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
 from mlivr_gym.settings import GRAPH_RULES
@@ -81,63 +83,68 @@ def run(
     seeds: int | None = None,
     environments: Sequence[str] = ENVIRONMENT_IDS,
     tasks: int = TASKS,
+    *,
+    entry: BenchmarkEntry | None = None,
+    save: Callable[[BenchmarkEntry], None] | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> BenchmarkEntry:
     """Train a policy, see `policy_maker`, within a budget, and return its episodes.
 
-    A policy is made anew for each environment and each of `seeds` (by default 3, and 1 for one that
-    is not trained). One that loads what was learned before says in its attribute
-    `environment_steps` from how many steps. `progress` is called with the number of finished
-    episodes. Raises a `SettingError` if an argument cannot be used or the budget is exceeded.
+    A policy is made anew for each of `seeds` (by default 3, and 1 for one that is not trained) and
+    each environment. One that loads what was learned before, or learns elsewhere, says in its
+    attribute `environment_steps` from how many steps. What `entry` has is not run again. `save`
+    gets the entry after each environment and seed, and `progress` the number of finished episodes.
+    Raises a `SettingError` if an argument cannot be used, or the budget is exceeded.
     """
     make = policy_maker(place)
     learns = hasattr(make, "train")
     if learns and not BUDGETS[budget]:
         raise SettingError(f"policy {place!r} is trained; give it a budget other than {budget!r}")
-    seeds = seeds or (SEEDS if learns else 1)
-    rows: list[EpisodeRow] = []
-    spent: list[tuple[int, float]] = []
-    for name in environments:
-        held_out = HeldOutTasks(name)
-        for seed in range(seeds):
-            began, policy = time.process_time(), make()
-            training = TrainingEnv(held_out.env, BUDGETS[budget])
-            steps = _train(policy, training, seed) if learns else 0
-            steps = max(steps, int(getattr(policy, "environment_steps", 0)))
-            if steps > BUDGETS[budget]:
-                raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
-            for task in range(tasks):
-                rows.append(_row(name, seed, task, held_out.run(policy, task)))
-                if progress is not None:
-                    progress(len(rows))
-            spent.append((steps, round(time.process_time() - began, 3)))
+    told = {"policy": place, "budget": budget, "tasks": tasks, "graph_rules": GRAPH_RULES}
+    before = told if entry is None else entry.summary
+    for name, value in told.items():
+        if before[name] != value:
+            raise SettingError(f"the entry has {name} {before[name]!r}, not {value!r}")
+    told |= {"uses": "environment" if isinstance(make, type) else "observation", **_machine()}
+    for seed, name in product(range(seeds or (SEEDS if learns else 1)), environments):
+        if entry is not None and (name, seed) in entry.parts:
+            continue
+        here, rows = held_out_tasks(name), list[EpisodeRow]()
+        training = TrainingEnv(here.env, BUDGETS[budget])
+        began = time.process_time()
+        policy: Any = make()
+        if learns:
+            policy.train(training, seed)
+        steps = max(training.environment_steps, int(getattr(policy, "environment_steps", 0)))
+        if steps > BUDGETS[budget]:
+            raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
+        for task in range(tasks):
+            rows.append(_row(name, seed, task, here.run(policy, task)))
+            if progress is not None:
+                progress(len(rows) + (0 if entry is None else len(entry.rows)))
+        spent = round(time.process_time() - began, 3)
+        counts = {"seeds": 1, "environment_steps": [steps], "processor_seconds": [spent]}
+        part = BenchmarkEntry(told | counts | {"results": results_of(rows)}, tuple(rows))
+        entry = part if entry is None else entry.joined(part)
+        if save is not None:
+            save(entry)
+    assert entry is not None
+    return entry
+
+
+def _machine() -> dict[str, Any]:
+    """Return versions and machine, as a summary tells them."""
     packages = ("gymnasium", "numba", "numpy")
-    summary = {
-        "policy": place,
-        "budget": budget,
-        "uses": "environment" if isinstance(make, type) else "observation",
-        "seeds": seeds,
-        "tasks": tasks,
-        "graph_rules": GRAPH_RULES,
-        "environment_steps": [steps for steps, _ in spent],
-        "processor_seconds": [seconds for _, seconds in spent],
+    return {
         "versions": {"mlivr-gym": __version__, "python": platform.python_version()}
         | {name: metadata.version(name) for name in packages},
         "machine": f"{platform.system()} {platform.machine()}, {os.cpu_count()} processors",
-        "results": results_of(rows),
     }
-    return BenchmarkEntry(summary, tuple(rows))
 
 
-def _train(policy: Any, env: TrainingEnv, seed: int) -> int:
-    """Train a policy, and return the number of environment steps."""
-    policy.train(env, seed)
-    return env.environment_steps
-
-
-def _row(name: str, seed: int, task: int, result: tuple[Episode, float]) -> EpisodeRow:
-    """Return the row of an episode in a task with its optimum."""
-    found, optimum = result
+def _row(name: str, seed: int, task: int, result: tuple[Episode, BestPlan]) -> EpisodeRow:
+    """Return the row of an episode in a task with its reference."""
+    found, reference = result
     times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
     cost = -float(found.total_reward)
-    return EpisodeRow(name, seed, task, found.success, cost, optimum, found.actions, times)
+    return EpisodeRow(name, seed, task, found.success, cost, *reference, found.actions, times)

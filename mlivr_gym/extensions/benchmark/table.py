@@ -15,22 +15,15 @@ def markdown_table(entries: Mapping[str, BenchmarkEntry]) -> str:
     For each environment it has the score, with percentiles over seeds if there are several, and the
     success; then the time a task, and steps and processor time of an environment and seed.
     """
-    head = [
-        "entry",
-        "budget",
-        "uses",
-        *ENVIRONMENT_IDS,
-        "time a task [ms]",
-        "steps",
-        "processor [s]",
-    ]
+    costs = "time a task [ms]", "steps", "processor [s]"
+    head = ["entry", "budget", "uses", *ENVIRONMENT_IDS, *costs]
     rows = []
     for name, entry in entries.items():
         told, results = entry.summary, entry.summary["results"]
         cells, scores, times = [], [], []
         for env in ENVIRONMENT_IDS:
             one = results.get(env)
-            cells.append("" if one is None else _score(one, told["seeds"]))
+            cells.append("" if one is None else _score(one))
             if one is not None:
                 scores.append(one["score"])
                 times.append(one["milliseconds_a_task"])
@@ -46,8 +39,8 @@ def markdown_table(entries: Mapping[str, BenchmarkEntry]) -> str:
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
 
-def _score(result: Mapping[str, Any], seeds: int) -> str:
+def _score(result: Mapping[str, Any]) -> str:
     """Return the cell of an environment."""
     low, high = result["score_percentiles"]
-    interval = f" [{low:.3f}, {high:.3f}]" if seeds > 1 else ""
+    interval = f" [{low:.3f}, {high:.3f}]" if result["seeds"] > 1 else ""
     return f"{result['score']:.3f}{interval} ({100 * result['success']:.0f} %)"

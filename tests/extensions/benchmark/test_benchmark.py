@@ -11,8 +11,9 @@ import gymnasium
 import numpy as np
 import pytest
 
-from mlivr_gym.agents import ExpertPolicy
+from mlivr_gym.agents import ExpertPolicy, planner_policy
 from mlivr_gym.cli.main import main
+from mlivr_gym.envs.regret import CostBounds
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.benchmark import (
     BenchmarkEntry,
@@ -27,6 +28,8 @@ from mlivr_gym.extensions.benchmark.entry import EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
 from mlivr_gym.extensions.benchmark.runner import policy_maker
 from mlivr_gym.files import FileError
+from mlivr_gym.planners import Planner
+from mlivr_gym.settings import GRAPH_RULES
 
 pytestmark = pytest.mark.usefixtures("cache")
 ROOT = Path(__file__).parents[3]
@@ -78,19 +81,19 @@ def greedy(tmp_path_factory, cache):
 
 def test_nineteen_of_twenty_seeds_score_between_the_percentiles():
     """Of 41 seeds that score evenly spaced, all but one at each end do, and two on them."""
-    rows = [EpisodeRow(FAR, k, 0, True, 100.0, k + 1.0, (), (1.0,)) for k in range(41)]
+    rows = [EpisodeRow(FAR, k, 0, True, 100.0, k + 1.0, 1.0, (), (1.0,)) for k in range(41)]
     told = results_of(rows)[FAR]
     assert told["score_percentiles"] == [0.02, 0.4]
     assert told["score"] == 0.21
 
 
-def test_optima_and_scores_are_those_of_the_cost_to_go(greedy):
-    """The exact cost-to-go shares no search with the A* from which the optima come."""
+def test_references_and_scores_are_those_of_the_cost_to_go(greedy):
+    """The exact cost-to-go shares no search with the A* from which the references come."""
     entry, scores = BenchmarkEntry.read(greedy), []
     env = gymnasium.make(FAR, info_regret=True, disable_env_checker=True)
     for row in entry.rows:
         _, info = env.reset(options={"task": row.task})
-        assert row.optimum == info["optimal_cost"]
+        assert (row.reference, row.bound) == (info["optimal_cost"], 1.0)
         assert row.cost == len(row.actions) == len(row.milliseconds)
         scores.append(row.success * info["optimal_cost"] / len(row.actions))
     found = entry.summary["results"][FAR]
@@ -129,14 +132,16 @@ def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
     better = {FAR: results[FAR] | {"score": 0.999}}
     faults = (
         (row_with(cost="1.0"), "cost is 1.0; the replay gives"),
-        (row_with(optimum="9.0"), "optimum is 9.0; the replay gives"),
+        (row_with(reference="9.0"), "reference is 9.0; the replay gives"),
+        (row_with(bound="2.0"), "bound is 2.0; the replay gives"),
         (row_with(success="False"), "end is told as"),
         (row_with(success="yes"), "cannot read"),
         (another_action, "end is told as"),
         (one_action_less, "goes on after its"),
-        (one_row_less, "the episodes are not those of 15 tasks and 1 seeds"),
+        (one_row_less, "the episodes are not those of 15 tasks and each seed"),
         (told(results=better), "results is told as"),
         (told(graph_rules=1), "rules"),
+        (told(seeds=3), "seeds is told as 3; the replay gives 1"),
         (told(environment_steps=[7]), "learned from 7 steps, more than planner has"),
         (told(budget="1G"), "budget"),
     )
@@ -230,9 +235,103 @@ def test_commands_check_and_list_entries(greedy, capsys, tmp_path):
         assert words in capsys.readouterr().err
 
 
-def test_the_entry_in_the_repository_is_of_the_present_rules():
-    """Its replay takes a minute, so that only what is read quickly is compared here."""
-    entry = BenchmarkEntry.read(ROOT / "benchmark" / "greedy")
-    assert markdown_table({"greedy": entry}) in (ROOT / "docs" / "benchmark.md").read_text()
+def test_a_run_goes_on_where_it_was_stopped(tmp_path, capsys):
+    """By environment and seed; what is there is kept, and another policy is refused."""
+    here, names = f"{__name__}:Learner", ("MLIVR-Random-v0", FAR)
+    written = []
+    first = run(here, "100k", 1, names, 2, save=written.append)
+    assert [len(entry.rows) for entry in written] == [2, 4]
+    both = run(here, "100k", 2, (FAR, "MLIVR-JEM-v0"), 2, entry=first)
+    assert list(both.parts) == [("MLIVR-JEM-v0", 0), ("MLIVR-JEM-v0", 1), (FAR, 0), (FAR, 1), (
+        "MLIVR-Random-v0", 0)]  # fmt: skip
+    assert both.summary["environment_steps"] == [5] * 5
+    assert [row for row in both.rows if row in first.rows] == list(written[1].rows)
+    assert {name: one["seeds"] for name, one in both.summary["results"].items()} == {
+        "MLIVR-JEM-v0": 2, FAR: 2, "MLIVR-Random-v0": 1,
+    }  # fmt: skip
+    both.write(tmp_path)
+    check(tmp_path, 2)
+    with pytest.raises(SettingError, match="the entry has budget '100k', not '5M'"):
+        run(here, "5M", 2, (FAR,), 2, entry=both)
+    line = f"run --policy {__name__}:first --budget 100k --environment {FAR} --out {tmp_path}"
+    assert main(["benchmark", *line.split()]) == 2
+    assert "the entry has policy" in capsys.readouterr().err
+
+
+def test_an_unknown_map_is_scored_by_the_plan_of_who_knows_it():
+    """A look costs half an attempt, so that who looks once on an optimal way scores less."""
+    here = HeldOutTasks("MLIVR-JEM-Unknown-v0")
+    _, info = here.env.reset(options={"task": 0})
+    look = here.env.action_space.n - 1
+
+    class LookThenExpert:
+        def act(self, env, observation, mask):
+            if env.steps == 0:
+                return look
+            return ExpertPolicy().act(env, observation, mask[:-1])
+
+    episode, reference = here.run(LookThenExpert(), 0)
+    assert reference == (info["fewest_steps"], 1.0)
+    assert -episode.total_reward >= reference.cost + 0.5
+    assert -episode.total_reward == pytest.approx(len(episode.actions) - 0.5)
+
+
+def test_four_limbs_are_compared_with_a_plan_that_is_proved_to_a_bound():
+    """The lower bound of the environment comes from another program than the bound of the plan."""
+    here = HeldOutTasks("MLIVR4-JEM-Anywhere-v0")
+    bounds = CostBounds(here.env)
+    for task in (3, 6):
+        episode, reference = here.run(planner_policy("steps"), task)
+        lower = bounds.of_state(here.env, episode.states[0])
+        assert episode.success
+        assert 1.0 <= lower <= reference.cost / reference.bound <= reference.cost
+        assert reference.cost <= -episode.total_reward
+        assert here.run(planner_policy("steps"), task)[1] is reference
+
+
+def test_a_search_whose_effort_finds_no_plan_goes_on(monkeypatch):
+    here = HeldOutTasks("MLIVR4-JEM-Anywhere-v0")
+    monkeypatch.setattr(protocol, "EFFORT", 1)
+    episode, reference = here.run(planner_policy("steps"), 1)
+    assert 0.0 < reference.cost <= -episode.total_reward
+    assert reference.bound < np.inf
+
+
+def test_labels_are_those_of_a_plan_where_not_all_steps_are_known(monkeypatch):
+    env = TrainingEnv(HeldOutTasks("MLIVR-Unseen-v0").env, 20)
+    env.reset(seed=4)  # in a world without a table
+    assert not env.unwrapped.graph.is_complete
+    ended, count = False, 0
+    fewest = Planner(env.unwrapped.graph).plan(env.unwrapped.state, env.unwrapped.goal, "steps")
+    while not ended:
+        *_, ended, _, info = env.step(env.expert_action())
+        count += 1
+    assert info["is_success"]
+    assert (count, env.environment_steps) == (len(fewest.unwrap().steps), 2 * count)
+
+
+ENTRIES = sorted(path.parent for path in (ROOT / "benchmark").glob("*/summary.json"))
+
+
+def test_the_entries_in_the_repository_are_of_the_present_rules():
+    """Their replays take minutes, so that only what is read quickly is compared here."""
+    found = {folder.name: BenchmarkEntry.read(folder) for folder in ENTRIES}
+    for entry in found.values():
+        assert entry.summary["graph_rules"] == GRAPH_RULES
+        assert entry.summary["results"] == results_of(entry.rows)
+        assert entry.summary["tasks"] == protocol.TASKS
+    for page in ("docs/benchmark.md", "README.md"):
+        assert markdown_table(found) in (ROOT / page).read_text(encoding="utf-8")
     page = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
     assert (ROOT / "benchmark" / "greedy" / "greedy.py").read_text(encoding="utf-8") in page
+
+
+@pytest.mark.parametrize("name", ["11_benchmark_maskable_ppo", "12_benchmark_cleanrl_ppo"])
+def test_learners_of_the_examples_learn_within_their_budget(name, monkeypatch):
+    pytest.importorskip("sb3_contrib")
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setitem(protocol.BUDGETS, "100k", 1000)
+    kind = "MaskedPPO" if "maskable" in name else "PlainPPO"
+    entry = run(f"examples.{name}:{kind}", "100k", 1, ("MLIVR-JEM-Unknown-v0",), 2)
+    assert entry.summary["environment_steps"] == [1000]
+    assert all(len(row.actions) == 60 or row.success for row in entry.rows)  # all were valid
