@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium
@@ -15,6 +13,7 @@ from mlivr_gym.agents.evaluation import Episode, run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError
+from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 
@@ -37,6 +36,9 @@ MAX_ACTIONS = 60
 BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
+EFFORT = 300_000
+"""Effort of a search with more than two limbs, doubled until a plan is proved to a bound."""
+
 
 class BestPlan(NamedTuple):
     """What the cost of a task is compared with."""
@@ -54,35 +56,29 @@ class HeldOutTasks:
         """Make the environment of an id."""
         made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True).unwrapped
         assert isinstance(made, MlivrEnv)
-        self.env, self._name = made, name
+        self.env = made
         self._known: dict[int, BestPlan] = {}
 
     def run(self, policy: Policy, task: int) -> tuple[Episode, BestPlan]:
         """Return the episode of a policy in a task, and the reference."""
         episode = run_episode(self.env, policy, {"task": task}, None, MAX_ACTIONS)
         if task not in self._known:
-            self._known[task] = self._reference(task, episode)
+            self._known[task] = self._reference(episode)
         return episode, self._known[task]
 
-    def _reference(self, task: int, episode: Episode) -> BestPlan:
-        """Return the optimum of a task, or what is known of it; see `references`."""
-        fewest = episode.start.get("fewest_steps")  # with the layout known
+    def _reference(self, episode: Episode) -> BestPlan:
+        """Return the fewest steps with the layout known, or the best plan that a search finds."""
+        fewest = episode.start.get("fewest_steps")
         if fewest is not None:
             return BestPlan(float(fewest), 1.0)
         env, graph = self.env, self.env.graph
-        if not graph.lists_all:
-            return references()[self._name][task]
         goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
-        found = GraphSearcher(graph).find(SearchQuery.from_options(graph, goal), episode.states[0])
-        assert found is not None  # without a limit
+        effort, found = EFFORT, None
+        while found is None or found.bound == np.inf:
+            options = SearchOptions() if graph.lists_all else SearchOptions(effort=effort)
+            search = SearchQuery.from_options(graph, goal, options)
+            found, effort = GraphSearcher(graph).find(search, episode.states[0]), 2 * effort
         return BestPlan(found.cost, found.bound)
-
-
-@cache
-def references() -> dict[str, list[BestPlan]]:
-    """Return the best plans known, by task, where optima are not: frozen with the graph rules."""
-    data = json.loads((Path(__file__).parent / "references.json").read_text(encoding="utf-8"))
-    return {name: [BestPlan(*known) for known in tasks] for name, tasks in data.items()}
 
 
 @cache
