@@ -48,5 +48,8 @@ class TaskGenerator(Protocol):
         """Return a task whose goal can be reached from its start.
 
         The start is drawn if it is None, otherwise that of the task; `tolerance` is the radius of
-        the goal region [m]. Raises a `StanceError` if no task is found.
+        the goal region [m]. Obstacles and occupied points of the graph may be changed: the next
+        task is drawn in the world that this one leaves, a start that is given must stay free, and
+        a draw that fails puts the world back. A goal that is given replaces that of the task.
+        Raises a `StanceError` if no task is found.
         """
