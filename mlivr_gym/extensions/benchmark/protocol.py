@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -12,8 +13,8 @@ from mlivr_gym.agents import ExpertPolicy, Policy, planner_policy
 from mlivr_gym.agents.evaluation import Episode, run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
+from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
-from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
 
@@ -36,9 +37,6 @@ MAX_ACTIONS = 60
 BUDGETS = {"planner": 0, "100k": 100_000, "5M": 5_000_000}
 """Environment steps that a policy may learn from on each environment; a planner learns nothing."""
 
-EFFORT = 300_000
-"""Effort of a search with more than two limbs, doubled until a plan is proved to a bound."""
-
 
 class BestPlan(NamedTuple):
     """What the cost of a task is compared with."""
@@ -56,29 +54,38 @@ class HeldOutTasks:
         """Make the environment of an id."""
         made = gymnasium.make(f"mlivr_gym:{name}", disable_env_checker=True).unwrapped
         assert isinstance(made, MlivrEnv)
-        self.env = made
+        self.name, self.env = name, made
         self._known: dict[int, BestPlan] = {}
 
     def run(self, policy: Policy, task: int) -> tuple[Episode, BestPlan]:
         """Return the episode of a policy in a task, and the reference."""
         episode = run_episode(self.env, policy, {"task": task}, None, MAX_ACTIONS)
         if task not in self._known:
-            self._known[task] = self._reference(episode)
+            self._known[task] = self._reference(task, episode)
         return episode, self._known[task]
 
-    def _reference(self, episode: Episode) -> BestPlan:
-        """Return the fewest steps with the layout known, or the best plan that a search finds."""
+    def _reference(self, task: int, episode: Episode) -> BestPlan:
+        """Return the fewest steps with the layout known, the optimum, or the best plan known."""
         fewest = episode.start.get("fewest_steps")
         if fewest is not None:
             return BestPlan(float(fewest), 1.0)
-        env, graph = self.env, self.env.graph
-        goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
-        effort, found = EFFORT, None
-        while found is None or found.bound == np.inf:
-            options = SearchOptions() if graph.lists_all else SearchOptions(effort=effort)
-            search = SearchQuery.from_options(graph, goal, options)
-            found, effort = GraphSearcher(graph).find(search, episode.states[0]), 2 * effort
+        if not self.env.graph.lists_all:
+            return best_known(self.name)[task]
+        goal = Goal(self.env.goal, self.env.goal_tolerance, self.env.reward.cost)
+        search = SearchQuery.from_options(self.env.graph, goal)
+        found = GraphSearcher(self.env.graph).find(search, episode.states[0])
+        assert found is not None
         return BestPlan(found.cost, found.bound)
+
+
+@cache
+def best_known(name: str) -> list[BestPlan]:
+    """Return the best plans known of an environment's tasks, found by `experiments/best_known.py`.
+
+    They are stored, since what a search finds in some effort depends on what was checked before.
+    """
+    data = json.loads(asset_path("best_known.json").read_text(encoding="utf-8"))
+    return [BestPlan(*plan) for plan in data[name]]
 
 
 @cache
