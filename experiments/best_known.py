@@ -20,9 +20,7 @@ from mlivr_gym.envs import MlivrEnv
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.extensions.benchmark.protocol import TASKS
 from mlivr_gym.files import write_whole
-from mlivr_gym.planners import SearchOptions
-from mlivr_gym.planners.query import Goal, SearchQuery
-from mlivr_gym.planners.searches import GraphSearcher
+from mlivr_gym.planners import LIMIT_REACHED, Planner, SearchOptions
 from mlivr_gym.settings import GRAPH_RULES
 
 NAMES = ("MLIVR4-JEM-Anywhere-v0",)
@@ -30,16 +28,17 @@ NAMES = ("MLIVR4-JEM-Anywhere-v0",)
 
 
 def best_plan(env: MlivrEnv, task: int, effort: int) -> tuple[float, float]:
-    """Return the cost of the plan that a search finds for a fixed task, and its bound."""
+    """Return the number of steps of the plan found for a fixed task, and its bound."""
     env.reset(options={"task": task})
-    goal = Goal(env.goal, env.goal_tolerance, env.reward.cost)
-    bound = np.inf
+    planner, bound = Planner(env.graph), np.inf
     while bound == np.inf:
-        search = SearchQuery.from_options(env.graph, goal, SearchOptions(effort=effort))
-        found = GraphSearcher(env.graph).find(search, env.state)
-        assert found is not None
-        bound, effort = found.bound, 2 * effort
-    return found.cost, bound
+        found = planner.plan(
+            env.state, env.goal, env.reward.cost, goal_tolerance=env.goal_tolerance,
+            options=SearchOptions(effort=effort),
+        )  # fmt: skip
+        assert found or found.reason == LIMIT_REACHED, found.message
+        bound, effort = found.plan.statistics.bound if found.plan else np.inf, 2 * effort
+    return float(len(found.unwrap().steps)), bound
 
 
 def better(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
