@@ -22,8 +22,7 @@ OF_RUN = ("policy", "budget", "seeds", "environment", "out")
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of the command to its parser."""
-    actions = "run", "check", "table"
-    parser.add_argument("action", choices=actions, metavar="|".join(actions), help="what to do")
+    parser.add_argument("action", choices=("run", "check", "table"), metavar="run|check|table")
     parser.add_argument("folders", nargs="*", metavar="DIR", help="entries to check or to list")
     text = "run: function of observation and mask, or class, as MODULE:NAME"
     option(parser, "--policy POLICY", text)
