@@ -78,6 +78,9 @@ COST_KINDS: Validators = {
 }
 """Validators of the arguments that name a cost."""
 
+COST_FIELDS: dict[str, Any] = {**CUSTOM_COST, "name": Choice((*COSTS, CUSTOM))}
+"""Validators of the fields of a `Cost`."""
+
 HEURISTICS = ("relaxed", "consistent", "paper", "zero")
 """Names of the heuristics; `"relaxed"` is the relaxed cost-to-go, see `lower_bounds`."""
 
@@ -116,7 +119,10 @@ class Cost:
     """Prices of steps by the stance and point that they lead to, None for no prices."""
 
     def __post_init__(self) -> None:
-        """Name a cost that is none of those with a name."""
+        """Check the fields, and name a cost that is none of those with a name."""
+        for field, kind in COST_FIELDS.items():
+            given = kind.read(getattr(self, field), FieldPath(field, SettingError))
+            object.__setattr__(self, field, given)
         named = {"base": (1.0, 0.0), "steps": (0.0, 1.0)}
         weights = self.base_weight, self.step_weight
         if self.prices is not None or named.get(self.name, weights) != weights:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import gymnasium
@@ -10,11 +10,11 @@ import numpy as np
 from gymnasium import spaces
 
 from mlivr_gym import GraspMap, RobotSpec, State, robot_spec
-from mlivr_gym.arguments import Reader, checked
+from mlivr_gym.arguments import SEED, Reader, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.envs import TASKS, LayoutTasks, MlivrEnv, Observation, TaskGenerator
 from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Anything, FieldPath, ListOf
+from mlivr_gym.schema import Anything, FieldPath, ListOf, OrNone
 from mlivr_gym.world import as_map
 
 World = tuple[Any, Any]
@@ -114,6 +114,7 @@ class UnseenEnv(MlivrEnv):
             "span": spaces.Box(0.0, span, (1,), np.float32),
         })  # fmt: skip
 
+    @checked({"seed": OrNone(SEED), "options": Anything()})
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
@@ -122,8 +123,8 @@ class UnseenEnv(MlivrEnv):
         Raises a `MlivrError` as there.
         """
         gymnasium.Env.reset(self, seed=seed)
-        task = (options or {}).get("task")
-        if not options:
+        task = options.get("task") if isinstance(options, Mapping) else None
+        if not isinstance(options, Mapping) or not options:
             self._enter(int(self.np_random.integers(self._seen)))
         elif isinstance(task, int | np.integer):
             self._enter(self._seen + int(task) % (len(self._worlds) - self._seen))
