@@ -69,7 +69,7 @@ MANY_LIMBS = {
     "all": ALL,
     "all edges of a path at once": AT_ONCE,
     "weight 1": weights(1.0, 1.0),
-    "weights exchanged": weights(1.3, 3.0),
+    "weights exchanged": weights(1.5, 3.0),
     "no table": {"mlivr_gym.stances.stance_graph.StanceGraph.table": None},
 }
 NO_TABLE = {
