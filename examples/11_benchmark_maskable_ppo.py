@@ -5,7 +5,7 @@ import numpy as np
 import torch
 from sb3_contrib import MaskablePPO
 
-from mlivr_gym.extensions.benchmark import ENVIRONMENT_IDS, TrainingEnv
+from mlivr_gym.extensions.benchmark import TrainingEnv
 
 SEEN = ("grasps", "base_position", "base_quaternion", "goal", "branches", "occupied", "unknown")
 
@@ -46,5 +46,5 @@ class MaskedPPO:
 
 
 if __name__ == "__main__":
-    env = gymnasium.make(ENVIRONMENT_IDS[3], disable_env_checker=True).unwrapped
+    env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", disable_env_checker=True).unwrapped
     MaskedPPO().train(TrainingEnv(env, 3000), seed=0)

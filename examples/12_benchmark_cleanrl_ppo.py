@@ -6,7 +6,7 @@ import torch
 from torch.distributions import Categorical
 from torch.nn import Linear, Sequential, Tanh
 
-from mlivr_gym.extensions.benchmark import ENVIRONMENT_IDS, TrainingEnv
+from mlivr_gym.extensions.benchmark import TrainingEnv
 
 SEEN = ("grasps", "base_position", "base_quaternion", "goal", "branches", "occupied", "unknown")
 ROLLOUT, BATCH, EPOCHS, GAMMA, CLIP, ENTROPY, RATE = 1000, 250, 5, 0.99, 0.2, 0.005, 5e-4
@@ -77,5 +77,5 @@ def learn(policy, optimiser, columns, worth):
 
 
 if __name__ == "__main__":
-    env = gymnasium.make(ENVIRONMENT_IDS[3], disable_env_checker=True).unwrapped
+    env = gymnasium.make("mlivr_gym:MLIVR-JEM-v0", disable_env_checker=True).unwrapped
     PlainPPO().train(TrainingEnv(env, 3000), seed=0)

@@ -90,6 +90,7 @@ class Goal:
     ) -> Goal:
         """Return a goal from the arguments of a user; an `MlivrError` names one not to be used."""
         priced = Cost.named(cost, regrasp_price)
+        priced.check_fits(len(graph.grasp_map))
         target, on_face = graph.grasp_map.check_goal(goal), None
         if face is not None:
             faces = graph.grasp_map.faces
@@ -215,7 +216,6 @@ class SearchQuery:
         None stands for the default of method and robot. The `SettingError` names an option that
         cannot be used.
         """
-        goal.cost.check_fits(len(graph.grasp_map))
         method, heuristic, inflation = options.method, options.heuristic, options.inflation
         effort = options.effort
         is_algorithm1, two_limbs = method == "algorithm1", graph.lists_all

@@ -64,8 +64,8 @@ IN_GIVEN_ORDER = WEIGHTED._replace(max_expansions=200, check_when_popped=True)
 """The stage in the order of the queue that the user chose, which the others follow if it finds no
 path, but for the weight of the cost, which is that of the query."""
 
-FEW_LABELS = 1_000_000
-"""Maximum number of labels of a search after which another one with better bounds can follow."""
+FEW_LABELS = 100_000
+"""Maximum number of labels of a search with bounds from before some points were occupied."""
 
 EDGES_AT_ONCE = 4
 """Edges of a path among obstacles that are checked at once: after one that is blocked, the others
@@ -155,7 +155,6 @@ class TableSearch(PathSearch):
         known = self._lower_bounds.cached(goal, self._origins.nodes)
         weight = AMONG_OBSTACLES if self.graph.obstacles else FREE
         weighted, last = WEIGHTED._replace(cost_weight=1.0 / weight), SearchParameters()
-        first = (weighted._replace(max_labels=FEW_LABELS),)
         if search.has_given_order:
             if search.method != "dijkstra":
                 known = known or self._bounds(goal)
@@ -169,9 +168,9 @@ class TableSearch(PathSearch):
             yield known, (weighted, last)
             return
         if known is not None:
-            yield known, first
+            yield known, (weighted._replace(max_labels=FEW_LABELS),)
         if not goal.cost.counts_steps and not self.has_path:
-            yield self._bounds(replace(goal, cost=Cost.named("steps"))), first
+            yield self._bounds(replace(goal, cost=Cost.named("steps"))), (weighted,)
         if not self.is_late:
             yield self._new_bounds(), (weighted, last)
 

@@ -38,6 +38,8 @@ def test_prices_of_another_number_of_points_are_refused(small_graph, count):
     with pytest.raises(SettingError, match=f"{count} numbers; the map has {points} points"):
         Planner(small_graph).plan((0, 1), (2.5, 0.0, -0.3), cost)
     with pytest.raises(SettingError, match=f"{count} numbers; the map has {points} points"):
+        Planner(small_graph).cost_to_go((2.5, 0.0, -0.3), cost)
+    with pytest.raises(SettingError, match=f"{count} numbers; the map has {points} points"):
         gymnasium.make("mlivr_gym:MLIVR-JEM-v0", map=small_graph.grasp_map, reward=cost)
 
 
