@@ -330,12 +330,12 @@ def test_the_entries_in_the_repository_are_of_the_present_rules():
     assert (ROOT / "benchmark" / "greedy" / "greedy.py").read_text(encoding="utf-8") in page
 
 
-@pytest.mark.parametrize("name", ["11_benchmark_maskable_ppo", "12_benchmark_cleanrl_ppo"])
+@pytest.mark.parametrize("name", ["11_benchmark_maskable_ppo", "12_benchmark_reinforce"])
 def test_learners_of_the_examples_learn_within_their_budget(name, monkeypatch):
     pytest.importorskip("sb3_contrib")
     monkeypatch.chdir(ROOT)
     monkeypatch.setitem(protocol.BUDGETS, "100k", 1000)
-    kind = "MaskedPPO" if "maskable" in name else "PlainPPO"
+    kind = "MaskedPPO" if "maskable" in name else "Reinforce"
     entry = run(f"examples.{name}:{kind}", "100k", 1, ("MLIVR-JEM-Unknown-v0",), 2)
     assert entry.summary["environment_steps"] == [1000]
     assert all(len(row.actions) == 60 or row.success for row in entry.rows)  # all were valid
