@@ -27,7 +27,7 @@ from mlivr_gym.extensions.benchmark.protocol import (
     TrainingEnv,
     held_out_tasks,
 )
-from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
+from mlivr_gym.schema import Choice, FieldPath, Integer, ListOf, OrNone
 from mlivr_gym.settings import GRAPH_RULES
 
 SEEDS = 3
@@ -42,8 +42,9 @@ class FunctionPolicy:
         self._function = function
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action of the function; see `agents.Policy.act`."""
-        return int(self._function(observation, mask))
+        """Return the action of the function; a `SettingError` if it is none."""
+        place = FieldPath("action of the policy", SettingError)
+        return Integer(0, len(mask) - 1).read(self._function(observation, mask), place)
 
 
 def policy_maker(place: str) -> Callable[[], Policy]:
