@@ -177,13 +177,13 @@ class Planner(OnGraph):
         start_state = self._start_state(start, start_pose, start_joints)
         limit = MAX_EXPANSIONS if self.graph.lists_all else limit
         search = SearchQuery.from_options(self.graph, target, SearchOptions(limit=limit))
-        found = self._searched(search, start_state, Timer())
-        if found:
-            return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")
-        if found.reason == LIMIT_REACHED:
-            return Cause((), f"{found.message}: a larger limit may tell whether there is one")
-        if found.reason == NO_SWING:
-            return Cause((), found.message)
+        result = self._searched(search, start_state, Timer())
+        if result:
+            return Cause((), f"nothing cuts the goal off: there is a plan of {result.message}")
+        if result.reason == LIMIT_REACHED:
+            return Cause((), f"{result.message}: a larger limit may tell whether there is one")
+        if result.reason == NO_SWING:
+            return Cause((), result.message)
         return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
@@ -266,8 +266,8 @@ class Planner(OnGraph):
         if path is None:
             return None
         timer.search = timer.lap()
-        found = self._committed(plan.query, path, timer)
-        return found if found.plan is not None else None
+        result = self._committed(plan.query, path, timer)
+        return result if result.plan is not None else None
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:

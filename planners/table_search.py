@@ -98,7 +98,7 @@ class TableSearch(PathSearch):
 
     def _set_origins(self, start: StatePath) -> None:
         """Set the nodes at which paths may start, each with its path and limb relabelling."""
-        state, here = start.states[0], start.positions[0]
+        state, base = start.states[0], start.positions[0]
         states, costs = [state], np.zeros(1)
         self._origin_paths = [start]
         if state.pose is not None:
@@ -106,10 +106,10 @@ class TableSearch(PathSearch):
             steps = self.graph.successors_by_pieces(state, self.clock.pieces)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             self._origin_paths = [
-                StatePath((state, after), np.stack([here, position]))
+                StatePath((state, after), np.stack([base, position]))
                 for after, position in zip(states, steps.base_position, strict=True)
             ]
-            shift = np.linalg.norm(steps.base_position - here, axis=1)
+            shift = np.linalg.norm(steps.base_position - base, axis=1)
             costs = self.goal.cost.of_steps(shift, steps.stances(state), steps.point)
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
@@ -199,19 +199,19 @@ class TableSearch(PathSearch):
         is_origin[self._origins.nodes] = True
         away = self._lower_bounds.among_checked(goal_bounds.cost, is_origin, goals, self.clock).h
         origins = NodeOrigins(goals, present.table.branch_sets[goals], np.zeros(len(goals)))
-        found = cheapest_path(
+        outcome = cheapest_path(
             self._search_graph(goal_bounds), away, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
             clock=self.clock, check=self._look_at,
         )  # fmt: skip
-        self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        if goal_bounds.cost.prices is not None and found.lower_bound < np.inf:
+        self.backward_expanded, self._last_expanded = self.backward_expanded + outcome.expanded, 0
+        if goal_bounds.cost.prices is not None and outcome.lower_bound < np.inf:
             return goal_bounds
-        explored = self._labels.expanded[: found.expanded]
+        explored = self._labels.expanded[: outcome.expanded]
         cost = np.full(len(away), np.inf)
         np.minimum.at(cost, self._labels.queue.node[explored], self._labels.cost[explored])
         # No path from the start leads to nodes that are infinitely far away.
-        others = found.lower_bound - np.where(away < np.inf, away, 0.0)
+        others = outcome.lower_bound - np.where(away < np.inf, away, 0.0)
         h = np.maximum(goal_bounds.h, np.minimum(cost, others))
         h[goals] = 0.0
         return goal_bounds._replace(h=h)
@@ -277,22 +277,22 @@ class TableSearch(PathSearch):
         search = self.search
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit = min(stage.max_expansions, limit)
-        found = cheapest_path(
+        outcome = cheapest_path(
             self._search_graph(goal_bounds), goal_bounds.h, self._origins, self._labels,
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
-        self._has_ended = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
-        is_exhausted = found.end == SEARCH_COMPLETE and found.path is None
-        self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
+        self._has_ended = outcome.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
+        is_exhausted = outcome.end == SEARCH_COMPLETE and outcome.path is None
+        self.expanded, self._last_expanded = self.expanded + outcome.expanded, outcome.expanded
         self.generated += self._labels.label_count
         # A heuristic that overestimates proves nothing but that no path is left.
-        admissible = search.heuristic != "paper" or found.lower_bound == np.inf
+        admissible = search.heuristic != "paper" or outcome.lower_bound == np.inf
         # It holds for all plans with weight 1, and where nothing is left that may lead to another.
-        proves = stage.cost_weight == 1.0 or (is_exhausted and not found.has_dropped)
+        proves = stage.cost_weight == 1.0 or (is_exhausted and not outcome.has_dropped)
         if proves and admissible:
-            self.lower_bound = max(self.lower_bound, found.lower_bound)
-        return found.path
+            self.lower_bound = max(self.lower_bound, outcome.lower_bound)
+        return outcome.path
 
     def _look_at(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Look at edges; return an upper bound of the branches after them, 0 for no step, (k,).
@@ -324,8 +324,8 @@ class TableSearch(PathSearch):
                 self._check_edges(present.undecided(piece))
             kept = present.kept(piece)
             for k in range(len(piece)):
-                some = slice(k, k + 1)
-                sets.append(present.branch_sets_after(piece[some], sets[-1], kept[some]))
+                edge = slice(k, k + 1)
+                sets.append(present.branch_sets_after(piece[edge], sets[-1], kept[edge]))
                 if not sets[-1][0]:
                     return None
         (_, i), (_, j), _ = edge_ends(present.table, edges)

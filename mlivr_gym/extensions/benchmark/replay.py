@@ -57,15 +57,15 @@ def _check_row(row: EpisodeRow) -> None:
     actions = iter(row.actions)
     replay = FunctionPolicy(lambda observation, mask: next(actions))
     try:
-        found, reference = held_out_tasks(row.environment).run(replay, row.task)
+        episode, reference = held_out_tasks(row.environment).run(replay, row.task)
     except StopIteration:
         text = f"{place}the episode goes on after its {len(row.actions)} actions"
         raise BenchmarkError(text) from None
     told = {"actions": len(row.actions), "success": row.success, "times": len(row.milliseconds)}
-    count = len(found.actions)
-    _same(f"{place}end", told, {"actions": count, "success": found.success, "times": count})
+    count = len(episode.actions)
+    _same(f"{place}end", told, {"actions": count, "success": episode.success, "times": count})
     for name, told_cost, cost in (
-        ("cost", row.cost, -found.total_reward),
+        ("cost", row.cost, -episode.total_reward),
         ("reference", row.reference, reference.cost),
         ("bound", row.bound, reference.bound),
     ):
