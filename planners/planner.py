@@ -7,8 +7,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, SettingError, StanceError
@@ -280,28 +278,6 @@ class Planner(OnGraph):
         map or robot, or is not possible in the present world.
         """
         return refined(self.graph, plan, seed)
-
-    @checked(QUERY)
-    def prepare(
-        self,
-        goal: Sequence[float] | Array,
-        cost: str | Cost = "base",
-        *,
-        regrasp_price: float | None = None,
-        goal_tolerance: float = GOAL_TOLERANCE,
-        goal_face: str | None = None,
-    ) -> None:
-        """Compute the relaxed cost-to-go, the heuristic `"relaxed"`, from all stances to a goal.
-
-        Further plans to the goal are then fast. It is the minimum cost if limbs could change their
-        branches, and stays a lower bound when points are occupied or obstacles added. The
-        parameters are those of `plan`. Raises a `SettingError` if the robot has more than two
-        limbs.
-        """
-        graph, lower_bounds = self._two_limbs(), self._searcher.lower_bounds()
-        assert lower_bounds is not None
-        target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        lower_bounds.compute(target, np.arange(len(graph)))
 
     @checked(QUERY)
     def cost_to_go(

@@ -298,7 +298,10 @@ class StanceGraph(StancePostures):
     def neighbouring_nodes(
         self, stance: tuple[int, ...], pieces: Pieces = at_once
     ) -> tuple[IntArray, Postures]:
-        """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        """Return the nodes one move from a stance, shape (k, N), and their postures.
+
+        They are computed in the pieces that `pieces` yields.
+        """
         self.check_stance(stance)
         stances = self._neighbouring(stance, range(self.limbs))
         found = [self.nodes(stances[piece]) for piece in pieces("postures", len(stances))]
