@@ -64,9 +64,6 @@ IN_GIVEN_ORDER = WEIGHTED._replace(max_expansions=200, check_when_popped=True)
 """The stage in the order of the queue that the user chose, which the others follow if it finds no
 path, but for the weight of the cost, which is that of the query."""
 
-FEW_LABELS = 100_000
-"""Maximum number of labels of a search with bounds from before some points were occupied."""
-
 EDGES_AT_ONCE = 4
 """Edges of a path among obstacles that are checked at once: after one that is blocked, the others
 can wait. Without obstacles few are no steps; the more of them are known, the fewer searches."""
@@ -132,7 +129,7 @@ class TableSearch(PathSearch):
         if known is not None and known.occupied != self.graph.occupied:
             yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
-        bounds, limit = known or self._new_bounds(), FIRST_LIMIT
+        bounds, limit = known or self._present_bounds(self.goal), FIRST_LIMIT
         if is_complete:
             yield bounds, (by_cost,)
             return
@@ -148,42 +145,33 @@ class TableSearch(PathSearch):
     def _bounds_for_many(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield bounds and stages of more than two limbs, whose checks take long.
 
-        Bounds cached by earlier queries come first. While there is no path, the fewest steps
-        follow, which are computed sooner than a base displacement.
+        While there is no path, the fewest steps come first, which are computed sooner than a base
+        displacement. Which bounds are known does not change the stages, nor so the plan.
         """
         search, goal = self.search, self.goal
-        known = self._lower_bounds.cached(goal, self._origins.nodes)
         weight = AMONG_OBSTACLES if self.graph.obstacles else FREE
         weighted, last = WEIGHTED._replace(cost_weight=1.0 / weight), SearchParameters()
         if search.has_given_order:
             if search.method != "dijkstra":
-                known = known or self._bounds(goal)
-                self._raise_lower_bound(known)
+                self._raise_lower_bound(self._present_bounds(goal))
             bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
                 yield bounds, (last,)
                 return
             yield bounds, (IN_GIVEN_ORDER._replace(cost_weight=search.cost_weight),)
-        if known is not None and known.occupied == self.graph.occupied:
-            yield known, (weighted, last)
-            return
-        if known is not None:
-            yield known, (weighted._replace(max_labels=FEW_LABELS),)
         if not goal.cost.counts_steps and not self.has_path:
-            yield self._bounds(replace(goal, cost=Cost.named("steps"))), (weighted,)
+            yield self._present_bounds(replace(goal, cost=Cost.named("steps"))), (weighted,)
         if not self.is_late:
-            yield self._new_bounds(), (weighted, last)
+            yield self._present_bounds(goal), (weighted, last)
 
-    def _new_bounds(self) -> GoalBounds:
-        """Return bounds with the points that are occupied now."""
-        new = self._lower_bounds.compute(self.goal, self._origins.nodes, self.clock)
+    def _present_bounds(self, goal: Goal) -> GoalBounds:
+        """Return bounds from the origins with the points occupied now, cached or computed."""
+        known = self._lower_bounds.cached(goal, self._origins.nodes)
+        if known is not None and known.occupied == self.graph.occupied:
+            return known
+        new = self._lower_bounds.compute(goal, self._origins.nodes, self.clock)
         self.backward_expanded += int(new.is_tight.sum())
         return new
-
-    def _bounds(self, goal: Goal) -> GoalBounds:
-        """Return bounds of a goal from the origins, cached or computed."""
-        starts, known = self._origins.nodes, self._lower_bounds
-        return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
     def _improved_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
         """Return bounds raised by a search from the goal that expands labels up to a limit.
