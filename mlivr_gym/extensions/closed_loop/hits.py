@@ -17,8 +17,12 @@ CUBE = 0.05
 ENOUGH_HITS = 2
 """Number of hits that make a cube an obstacle; a single one may be noise."""
 
-MARGINS = 0.01, 0.001
-"""Distance by which a box extends beyond the hits in its cubes [m], and where no plan is left."""
+MARGINS = 0.01, -0.005
+"""Distance by which a box extends beyond the hits in its cubes [m]; where no plan is left, they
+extend less, as noise moves the outermost hits outwards."""
+
+THINNEST = 0.002
+"""Least thickness of a box [m]."""
 
 LEAST_GROWTH = 0.005
 """Growth of what was seen in a cube that is no news [m]."""
@@ -139,5 +143,6 @@ class HitCubes:
 
     def _boxes(self, extents: Array) -> tuple[Box, ...]:
         """Return boxes of extents, shape (k, 2, 3) [m], with the margin."""
-        below, high = extents.swapaxes(0, 1) + self.margin
-        return Box.each_between(SENSED, "obstacle", -below, high)
+        below, high = extents.swapaxes(0, 1)
+        by = np.maximum(self.margin, 0.5 * (THINNEST - below - high))
+        return Box.each_between(SENSED, "obstacle", -below - by, high + by)
