@@ -60,17 +60,11 @@ class Mode(NamedTuple):
     """`"cameras"`, `"blind"`, or `"open"` for the first plan, carried out without replanning."""
     setup: Setup
     """Limits, controller, physics and disturbances."""
-    gone: bool = False
-    """Whether the robot believes in `BOXES` boxes that are not there, beside those it lacks."""
 
 
 CAREFUL = Setup.of("careful", "delayed", disturbances=ERRORS)
 SLOW = Setup(Durations(), PAPER, disturbances=ERRORS)
 """Setups of the robot's own controller and of the paper's, with all errors."""
-
-GONE = "two limbs, cameras, all errors, boxes that are gone"
-MOST_TASKS = {GONE: 50}
-"""The series with boxes that are gone, and its largest number of tasks."""
 
 AIM = 40.0
 """Time that replanning at a grasp should take at most [ms]."""
@@ -81,7 +75,6 @@ ROBOTS = {"two": "mlivr2", "three": "mlivr3", "four": "mlivr4"}
 MODES = {
     "two limbs, cameras, no errors": Mode("mlivr2", "cameras", Setup()),
     "two limbs, blind, no errors": Mode("mlivr2", "blind", Setup()),
-    GONE: Mode("mlivr2", "cameras", CAREFUL, gone=True),
     "two limbs, paper's controller, cameras, all errors": Mode("mlivr2", "cameras", SLOW),
     **{
         f"{number} limbs, {name}, all errors": Mode(robot, loop, setup)
@@ -105,13 +98,6 @@ class Task(NamedTuple):
     """Steps of a robot that knows everything; None if no plan was found for it."""
     is_possible: bool
     """Whether it is not proved that the goal cannot be reached from any branches of the start."""
-
-
-def gone_boxes(graph: StanceGraph, task: Task, seed: int) -> tuple[Box, ...]:
-    """Return boxes in which a robot believes, and which are not there."""
-    rng = np.random.default_rng([2028, seed])
-    boxes = unknown_things(graph, graph.state(task.start), rng, BOXES, 0)
-    return tuple(replace(box, id=f"gone{k}") for k, box in enumerate(boxes))
 
 
 @cache
@@ -144,24 +130,19 @@ def drawn(robot: str, seed: int) -> Task:
 
 def walk(task: int, mode: str) -> dict[str, Any]:
     """Walk a task in one mode."""
-    robot, loop, setup, with_gone = MODES[mode]
+    robot, loop, setup = MODES[mode]
     graph, given = graph_of(robot), drawn(robot, task)
     row: dict[str, Any] = {"in_hindsight": given.in_hindsight, "is_possible": given.is_possible}
     if loop == "open":
         return row | open_loop(graph, given, setup, task)
-    gone = gone_boxes(graph, given, task) if with_gone else ()
-    graph.add_obstacles(gone)
     try:
         record = run_closed_loop(
             graph, given.start, given.goal.tolist(), unknown=given.unknown,
-            gone=[box.id for box in gone],
             camera=DepthCamera() if loop == "cameras" else None, setup=setup, seed=task,
             max_steps=60,
         )  # fmt: skip
     except ShapeError:
         return row | {"outcome": None}
-    finally:
-        graph.remove_obstacles()
     return row | {
         "outcome": record.outcome, "proved": record.proved,
         "is_true": record.proved and is_cut_off(graph, given, record.state),
@@ -204,11 +185,7 @@ def open_loop(graph: StanceGraph, task: Task, setup: Setup, seed: int) -> dict[s
 
 def measured(tasks: int, workers: int) -> dict[str, Any]:
     """Return all walks by mode."""
-    rows = study_rows(
-        "closed_loop:walk", tasks, workers, mode=[mode for mode in MODES if mode not in MOST_TASKS]
-    )
-    for mode, most in MOST_TASKS.items():
-        rows += study_rows("closed_loop:walk", min(tasks, most), workers, mode=[mode])
+    rows = study_rows("closed_loop:walk", tasks, workers, mode=list(MODES))
     return {"tasks": tasks, "modes": by_mode(rows)}
 
 
@@ -303,8 +280,7 @@ takes 50 s a step. At a grasp a robot with cameras goes on with what remains of 
 still possible, and searches where it is not. Planning times are those of one walk on each core.
 *Open loop* is the first plan, carried out without looking. A robot that stopped holds all its
 points; its proof is about what it has sensed, and true if no plan exists from there in the whole
-module either. *Boxes that are gone* are {BOXES} more boxes in which the robot believes until it
-looks through them.
+module either.
 
 {table(HEAD, (row_of(mode, walks) for mode, walks in modes.items()))}"""
     return "\n".join([text, *data.get("remarks", [])]).strip() + "\n"

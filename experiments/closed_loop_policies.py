@@ -166,6 +166,9 @@ valid, each policy relaxes ([environment](../docs/environments/closed-loop.md)):
 {named}
 
 {table(head, rows)}
+The episodes are older than the present belief: a robot without a plan was less cautious in four
+stages in place of one.
+
 `experiments/closed_loop_policies.py` makes this page.
 """
 

@@ -11,8 +11,7 @@ from mlivr_gym.agents.policies import PlanPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.errors import SettingError
-from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
-from mlivr_gym.extensions.closed_loop.policies import ReplanningPolicy
+from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv, ReplanningPolicy
 from mlivr_gym.planners import Planner
 from mlivr_gym.planners.baselines import find_walk
 

@@ -24,7 +24,7 @@ from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.extensions.cargo.cargo_mission import CargoMission, MissionPart
 from mlivr_gym.extensions.closed_loop.belief import Belief
-from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera, Look
+from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
 from mlivr_gym.extensions.closed_loop.record import Event, Footage
@@ -256,7 +256,6 @@ MAKERS = {
     "ClosedLoopRecord": walked,
     "Event": lambda of: Event("end", 0.0, {"outcome": "arrived", "reason": ""}),
     "Footage": lambda of: Footage(),
-    "Look": lambda of: Look(np.zeros((1, 3)), np.zeros((1, 3))),
     "DepthCamera": lambda of: DepthCamera(pixels=3),
     "Belief": lambda of: Belief(of["StanceGraph"], 0.003),
     "seven joints": lambda of: robot_spec("mlivr2-iiwa"),

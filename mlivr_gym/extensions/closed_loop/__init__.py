@@ -11,13 +11,12 @@ from mlivr_gym.lazy import lazy
 if TYPE_CHECKING:
     from mlivr_gym.extensions.closed_loop.belief import Belief
     from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
-    from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
+    from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv, ReplanningPolicy
     from mlivr_gym.extensions.closed_loop.film import closed_loop_film
     from mlivr_gym.extensions.closed_loop.loop import EFFORT, run_closed_loop
-    from mlivr_gym.extensions.closed_loop.policies import LookingPolicy, ReplanningPolicy
     from mlivr_gym.extensions.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord
     from mlivr_gym.extensions.closed_loop.things import BOXES, PLATES, unknown_things
-    from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
+    from mlivr_gym.extensions.closed_loop.unknown_map import LookingPolicy, UnknownMapEnv
 
 __all__ = [
     "ARRIVED",

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cache
 from itertools import product
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, Validators, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import SettingError
-from mlivr_gym.extensions.closed_loop.known_boxes import NOISE
+from mlivr_gym.extensions.closed_loop.hits import NOISE
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.schema import Integer, Numbers, Tuples
 from mlivr_gym.simulation.disturbances import robot_body_ids
@@ -28,12 +26,6 @@ from mlivr_gym.simulation.parameter_set import ParameterSet
 
 CORNERS = np.array(list(product((1.0, -1.0), repeat=3)))
 """Signs of the coordinates of the corners of the body in its frame, shape (8, 3)."""
-
-ALL_PIXELS = slice(None)
-"""Whole images."""
-
-FIELDS = slice(0, None, 2), slice(1, None, 2)
-"""Halves of the pixels of an image, which interlaced looks read out in turn."""
 
 LENS_OFFSET = 0.01
 """Distance of a camera from each of the three faces that meet in its corner, or from the side of
@@ -51,18 +43,8 @@ GIVEN: Validators = {
     "data": InstanceOf(mujoco.MjData),
     "robot": InstanceOf(RobotSpec),
     "rng": InstanceOf(np.random.Generator),
-    "pixels": InstanceOf(slice),
 }
 """Validators of the arguments."""
-
-
-class Look(NamedTuple):
-    """What cameras have measured at one time."""
-
-    hits: Array
-    """Positions of surfaces in the module frame [m], shape (k, 3)."""
-    origins: Array
-    """Positions of the cameras that saw them [m], shape (k, 3)."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +67,24 @@ class DepthCamera(ParameterSet):
     """Largest distance that is measured [m]."""
     noise: Annotated[float, NOISE] = 0.003
     """Standard deviation of a distance [m]."""
-    period: Annotated[float, Tuples((), 0.01, 1e3, "s")] = 0.25
-    """Time between two looks during a step [s]; each reads out one half of the pixels, in turn."""
+    period: Annotated[float, Tuples((), 0.01, 1e3, "s")] = 0.5
+    """Time between two looks during a step [s]."""
 
     @checked(GIVEN)
     def rays(self, axes: Array = CORNERS) -> Array:
         """Return unit vectors of the rays of k cameras, shape (k, p^2, 3).
 
-        Their optical axes, shape (k, 3), are by default those of the cameras on the body. Raises a
-        `SettingError` if one is not finite, or is along z, which would leave the image unturned.
+        Their optical axes, shape (k, 3), none of them along z, are by default those of the cameras
+        on the body. Raises a `SettingError` if one is not finite.
         """
-        if not axes[:, :2].any(axis=1).all():
-            first = int(np.argmin(axes[:, :2].any(axis=1)))
-            raise SettingError(f"axes[{first}] is {axes[first].tolist()}; it must not be along z")
-        return _rays(self.pixels, self.field_of_view, tuple(map(tuple, axes.tolist())))
+        half = np.tan(0.5 * self.field_of_view)
+        centres = (np.arange(self.pixels) + 0.5) / self.pixels * 2.0 - 1.0
+        u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
+        forward = axes[:, None] / np.linalg.norm(axes, axis=1)[:, None, None]
+        right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
+        right /= np.linalg.norm(right, axis=2)[..., None]
+        rays = forward + u * right + v * np.cross(forward, right)
+        return np.asarray(rays / np.linalg.norm(rays, axis=2, keepdims=True))
 
     @checked(GIVEN)
     def measure(
@@ -107,17 +93,15 @@ class DepthCamera(ParameterSet):
         data: mujoco.MjData,
         robot: RobotSpec,
         rng: np.random.Generator,
-        pixels: slice = ALL_PIXELS,
-    ) -> Look:
+    ) -> Array:
         """Return the hits: the surface points that the cameras measure around a simulated robot.
 
-        A ray that hits nothing within the range gives none. The generator makes the noise;
-        `pixels` are those of each image that are read out, by default all. Raises a `SettingError`
-        if an argument is of another type.
+        They are positions in the module frame [m], shape (k, 3). A ray that hits nothing within the
+        range gives none. The generator makes the noise. Raises a `SettingError` if an argument is
+        of another type.
         """
-        of_robot, looks = np.isin(model.geom_bodyid, robot_body_ids(model)), []
-        for position, image in self._images(model, data, robot):
-            rays = image[pixels]
+        of_robot, hits = np.isin(model.geom_bodyid, robot_body_ids(model)), []
+        for position, rays in self._images(model, data, robot):
             geom, distance = np.full(len(rays), -1, dtype=np.int32), np.zeros(len(rays))
             mujoco.mj_multiRay(
                 model, data, position, rays.ravel(), None, True, -1, geom, distance, None,
@@ -126,9 +110,8 @@ class DepthCamera(ParameterSet):
             hit = (geom >= 0) & (distance <= self.max_range)
             hit[hit] = ~of_robot[geom[hit]]
             distance = distance[hit] + self.noise * rng.standard_normal(int(hit.sum()))
-            hits = position + distance[:, None] * rays[hit]
-            looks.append(Look(hits, np.broadcast_to(position, hits.shape)))
-        return Look(*map(np.concatenate, zip(*looks, strict=True)))
+            hits.append(position + distance[:, None] * rays[hit])
+        return np.concatenate(hits)
 
     def _images(
         self, model: mujoco.MjModel, data: mujoco.MjData, robot: RobotSpec
@@ -139,6 +122,7 @@ class DepthCamera(ParameterSet):
         for corner, image in zip(CORNERS, self.rays(), strict=True):
             lens = corner * (0.5 * np.array(robot.body_edges) + LENS_OFFSET)
             yield base.xpos + rotation @ lens, image @ rotation.T
+        images = self.rays(GRIPPER_AXES)
         for limb in range(robot.limbs):
             site = model.site(f"limb{limb}/grasp")
             gripper = model.body(f"limb{limb}/gripper")
@@ -146,20 +130,5 @@ class DepthCamera(ParameterSet):
             radius = float(model.geom_size[parts, 0].max()) + LENS_OFFSET
             rotation, position = data.site_xmat[site.id].reshape(3, 3), data.site_xpos[site.id]
             flange = position - robot.tool_length * rotation[:, 2]
-            for side, image in zip(SIDES, self.rays(GRIPPER_AXES), strict=True):
+            for side, image in zip(SIDES, images, strict=True):
                 yield flange + radius * rotation @ side, image @ rotation.T
-
-
-@cache
-def _rays(pixels: int, field_of_view: float, axes: tuple[tuple[float, ...], ...]) -> Array:
-    """Return the rays of k cameras with given pixels along each side, field of view, and axes."""
-    half = np.tan(0.5 * field_of_view)
-    centres = (np.arange(pixels) + 0.5) / pixels * 2.0 - 1.0
-    u, v = half * np.stack(np.meshgrid(centres, centres, indexing="ij")).reshape(2, -1, 1)
-    forward = np.array(axes)[:, None] / np.linalg.norm(axes, axis=1)[:, None, None]
-    right = np.cross(forward, np.array([0.0, 0.0, 1.0]))
-    right /= np.linalg.norm(right, axis=2)[..., None]
-    rays = forward + u * right + v * np.cross(forward, right)
-    unit: Array = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-    unit.flags.writeable = False
-    return unit

@@ -1,4 +1,4 @@
-"""The environment of the closed loop: simulated steps among things that the map lacks."""
+"""The environment of the closed loop: simulated steps among things that the map lacks; a policy."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium import spaces
 
 from mlivr_gym.arguments import InstanceOf, Reader, checked
+from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import (
     TASKS,
     Attempt,
@@ -29,7 +30,9 @@ from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord
 from mlivr_gym.extensions.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.extensions.closed_loop.things import BOXES, PLATES, unknown_things
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.schema import FieldPath, Integer
+from mlivr_gym.planners.costs import COST_KINDS, Cost
+from mlivr_gym.schema import Integer
+from mlivr_gym.sharing import Independent
 from mlivr_gym.simulation import Recording, StepExecutor
 from mlivr_gym.stances import State
 from mlivr_gym.values import MAX_PARTS
@@ -39,9 +42,8 @@ DRAWS = 10
 """Number of times that things are drawn until a plan that knows them exists."""
 
 
-def _read_camera(given: Any, path: FieldPath) -> DepthCamera | None:
-    """Return the depth cameras, which are given as themselves or as plain data; None for none."""
-    return None if given is None else DepthCamera.of(given)
+CAMERA = Reader(lambda given, _: None if given is None else DepthCamera.of(given))
+"""Validator of depth cameras, which are given as themselves or as plain data; None for none."""
 
 
 class ClosedLoopEnv(MlivrEnv):
@@ -57,11 +59,9 @@ class ClosedLoopEnv(MlivrEnv):
       seen. The cameras look during the step and after it. If something new lies in its path, or
       the grasp is refused or missed, the limb goes back, and the episode goes on. The second such
       attempt makes the point count as occupied.
-    * The last action, `N m`, relaxes (`Belief.relax`), and is valid in every state: the robot
-      doubts obstacles of `graph` that it has not seen, and what it has looked through, then takes
-      what it saw to be smaller, at most `len(CAUTIONS) - 1` times, then tries points again to which
-      paths were blocked, once. If it cannot relax any more, the robot stops, holding all its
-      points, and the episode ends without success.
+    * The last action, `N m`, relaxes (`Belief.relax`), and is valid in every state: the robot takes
+      what it saw to be a little smaller, once. If it cannot relax any more, it stops, holding all
+      its points, and the episode ends without success.
 
     `graph` has what the robot knows, so planners and policies that use it plan in the world that
     the robot believes in. A plan also chooses the branches of the limbs, see `follow`, as
@@ -90,7 +90,7 @@ class ClosedLoopEnv(MlivrEnv):
         {
             "boxes": Integer(0, MAX_PARTS),
             "plates": Integer(0, MAX_PARTS),
-            "camera": Reader(_read_camera),
+            "camera": CAMERA,
             "tasks": TASKS,
         }
     )
@@ -160,7 +160,7 @@ class ClosedLoopEnv(MlivrEnv):
         self._forget()
         super().reset(seed=seed, options=options)
         self._is_stopped = False
-        self._look_round(self.state)
+        self._sensing.look_round()
         self._refresh()
         return self._observation(), self._info(False)
 
@@ -204,17 +204,11 @@ class ClosedLoopEnv(MlivrEnv):
         finally:
             self.graph.remove_obstacles([thing.id for thing in self.things])
 
-    def _look_round(self, state: State) -> None:
-        """Look round, and let the graph have what is believed."""
-        self._sensing.look_round()
-        self._sensing.belief.update_graph(state)
-
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Attempt a step, or relax; see `MlivrEnv.step`.
 
         Raises a `gymnasium.error.ResetNeeded` before the first reset, and after the end of the
-        episode by a failure or a stop, and a `MlivrError` if sensing fails. The robot then holds
-        all its points.
+        episode by a failure or a stop.
         """
         robot = self._sensing
         if self._is_stopped:
@@ -240,18 +234,14 @@ class ClosedLoopEnv(MlivrEnv):
             return Attempt(self.state, caption=caption, is_end=self._is_stopped)
         limb, point = divmod(action, len(self.graph.grasp_map))
         after, displacement = self._planned_step(action)
-        robot.intervals = []
-        prepared = robot.prepared(limb, point, after.branch_sets)
-        is_done = prepared is not None and robot.attempt(prepared)
-        if robot.fault is not None:
-            self._is_stopped = True
-            raise robot.fault
+        is_done = robot.attempt(limb, point, after.branch_sets)
         self._simulation_info = robot.executor.measures
         if not is_done:
-            displacement = sum(_path_length(one.recording) for one in robot.intervals)
+            paths = [np.diff(one.recording.base_positions, axis=0) for one in robot.intervals]
+            displacement = sum(float(np.linalg.norm(path, axis=1).sum()) for path in paths)
             if not robot.record.reason:
                 self._simulation_info = self._simulation_info | {"failure": None}
-        self._look_round(robot.executor.state)
+        robot.look_round()
         recordings = [one.recording for one in robot.intervals]
         motion = motion_of(Recording.join(recordings)) if recordings else None
         return Attempt(robot.executor.state, displacement, robot.refused == "refused", motion)
@@ -269,6 +259,33 @@ class ClosedLoopEnv(MlivrEnv):
         return {**super()._info(invalid, failed), **told}
 
 
-def _path_length(recording: Recording) -> float:
-    """Return the length of the base's path [m]."""
-    return float(np.linalg.norm(np.diff(recording.base_positions, axis=0), axis=1).sum())
+class ReplanningPolicy(Independent):
+    """Policy for `ClosedLoopEnv` that plans before each action in the world that is believed.
+
+    It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
+    """
+
+    @checked(COST_KINDS)
+    def __init__(self, cost: str | Cost = "steps", **options: Any) -> None:
+        """Plan with a cost, and further arguments of `Planner.plan`."""
+        self._cost, self._options = cost, options
+        self._planner: Planner | None = None
+
+    @checked({"env": InstanceOf(ClosedLoopEnv)})
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the action to take; see `Policy.act`.
+
+        Raises a `SettingError` if the environment is not a `ClosedLoopEnv`.
+        """
+        assert isinstance(env, ClosedLoopEnv)
+        if self._planner is None or self._planner.graph is not env.graph:
+            self._planner = Planner(env.graph)
+        goal, tolerance = env.goal.tolist(), env.goal_tolerance
+        plan = self._planner.plan(
+            env.state, goal, self._cost, goal_tolerance=tolerance, **self._options
+        ).plan
+        if plan is None or not plan.steps:
+            return len(mask) - 1
+        env.follow(plan)
+        limb, point = plan.actions[0]
+        return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)

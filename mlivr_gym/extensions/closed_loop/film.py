@@ -20,9 +20,6 @@ from mlivr_gym.world import Box
 UNKNOWN_OPACITY = 0.25
 """Opacity of a box that the robot does not know, relative to one that it has seen."""
 
-LABEL_COLOUR = "#5a1a00"
-"""Colour of the ids of unknown boxes."""
-
 
 def news_at(record: ClosedLoopRecord, time: float) -> str:
     """Return what happened last before a time [s] in a few words; at the end, also why it ended."""
@@ -31,16 +28,6 @@ def news_at(record: ClosedLoopRecord, time: float) -> str:
         proof = ", with a proof that there is no plan" if record.proved else ""
         return f"{record.outcome}{proof}: {record.reason}"
     return "; ".join(event.line for event in happened if event.time == happened[-1].time)
-
-
-def _progress_at(record: ClosedLoopRecord, time: float) -> str:
-    """Return the number of the step at a time [s], and of all steps if those planned are taken."""
-    happened = [event for event in record.events if event.time <= time]
-    done = sum(event.kind == "step" for event in happened)
-    planned = [event.values["steps"] for event in happened if event.kind == "planned"][-1:]
-    if (happened and happened[-1].kind == "end") or not planned:
-        return f"{done} steps"
-    return f"step {done + 1} of {done + planned[0]}"
 
 
 def _add_boxes(scene: Any, unknown: Sequence[Box], sensed: Sequence[Box]) -> None:
@@ -70,12 +57,12 @@ def closed_loop_film(
 ) -> None:
     """Film a walk in the closed loop; the further arguments and errors are those of `film.film`.
 
-    Shown are the boxes that the robot does not know, pale and with their ids; what it has sensed of
+    Shown are the boxes that the robot does not know, pale; what it has sensed of
     them up to the time of the picture; the plan that it follows at that time; and captions with
-    time, number of the step and what happened last.
+    time and what happened last.
 
-    The graph is that of what the robot knew at the start, without obstacles that were gone; the
-    record is that of a walk with `filmed=True`. Raises a `SettingError` if it has no footage, or
+    The graph is that of what the robot knew at the start; the record is that of a walk with
+    `filmed=True`. Raises a `SettingError` if it has no footage, or
     the robot did not move.
     """
     check_film_format(path)
@@ -85,18 +72,16 @@ def closed_loop_film(
     footage, recording = record.footage, record.footage.recording
     speed = default_speed(recording) if speed is None else speed
     samples = film_samples(recording, speed)
-    labels = tuple(((*b.centre[:2], b.bounds[1, 2]), b.id, LABEL_COLOUR) for b in unknown)
     shots = []
     for k, time in zip(samples, [*recording.times[samples[:-1]], record.duration], strict=True):
         seen = [boxes for at, boxes in footage.looks if at <= time]
         followed = [plan for at, plan in footage.plans if at <= time]
         sensed = seen[-1] if seen else ()
         draw = partial(_add_boxes, unknown=unknown, sensed=sensed)
-        counted = _progress_at(record, time)
-        clock = f"{time:.0f} s of {record.duration:.0f} s (x{speed:g}), {counted}"
+        clock = f"{time:.0f} s of {record.duration:.0f} s (x{speed:g})"
         route = Route.of(graph.grasp_map, followed[-1]) if followed else None
         here, lines = recording.configuration(int(k)), (clock, news_at(record, time))
-        shots.append(Shot(here, lines, route, draw=draw, labels=labels))
+        shots.append(Shot(here, lines, route, draw=draw))
     pictures = film_pictures(
         graph.grasp_map, graph.robot, shots, size, graph.obstacles, progress=progress
     )

@@ -19,9 +19,6 @@ ARRIVED, STOPPED, FAILED = "arrived", "stopped", "failed"
 
 LINES = {
     "sensed": "sees something new, {boxes} boxes now",
-    "gone": "sees that {box} is gone",
-    "freed": "has looked through {cubes} cubes that it saw before",
-    "doubts": "finds no plan, and doubts {box}, which it has not seen",
     "planned": "plans {steps} steps",
     "step": "limb {limb} takes {point} in {duration:.1f} s",
     "refused": "limb {limb} cannot grasp {point} ({failure}) and goes back",
@@ -36,18 +33,14 @@ class Event:
     """Something that happened in a closed loop."""
 
     kind: str
-    """`"sensed"`, `"gone"`, `"freed"`, `"doubts"`, `"planned"`, `"step"`, `"refused"`, `"blocked"`
-    or `"end"`."""
+    """`"sensed"`, `"planned"`, `"step"`, `"refused"`, `"blocked"` or `"end"`."""
     time: float
     """Simulated time [s]."""
     values: dict[str, Any]
-    """What belongs to it: `"sensed"`, which tells of an obstacle away from those seen before, has
-    `hits`, the number of rays that measured a surface, and `boxes`, the number of boxes of all that
-    is seen so far; `"gone"` and `"doubts"` have `box`, the id of an obstacle; `"freed"` has
-    `cubes`, how many are obstacles no longer since the last grasp; `"planned"` has `steps` and
-    `computing_time` [s], from what was seen to the plan; `"step"` has `limb`, `point` and
-    `duration` [s]; `"refused"` and `"blocked"` have `limb`, `point` and `failure`, its kind;
-    `"end"` has `outcome` and `reason`."""
+    """What belongs to it: `"sensed"` has `boxes`, the number of boxes of all that is seen so far;
+    `"planned"` has `steps` and `computing_time` [s]; `"step"` has `limb`, `point` and `duration`
+    [s]; `"refused"` and `"blocked"` have `limb`, `point` and `failure`, its kind; `"end"` has
+    `outcome` and `reason`."""
 
     @property
     def line(self) -> str:
@@ -114,14 +107,14 @@ class ClosedLoopRecord:
         ]
         return np.array(planned[1:])
 
-    def add_step(self, plan: Plan, taken: int) -> None:
-        """Record a step of a plan after those taken; it may continue the plan before it."""
+    def add_step(self, plan: Plan) -> None:
+        """Record the first step of a plan, which may be the rest of the plan before it."""
         if self.plans:
-            last, before = self.plans[-1]
-            if last.actions[before:] == plan.actions[taken:]:
-                self.plans[-1] = last, before + 1
+            last, taken = self.plans[-1]
+            if last.actions[taken:] == plan.actions:
+                self.plans[-1] = last, taken + 1
                 return
-        self.plans.append((plan, taken + 1))
+        self.plans.append((plan, 1))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the record as plain data for JSON."""

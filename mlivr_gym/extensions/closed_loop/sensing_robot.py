@@ -1,20 +1,19 @@
 """A simulated robot that looks about itself, attempts steps, and goes back when they fail.
 
 It decides nothing: which step to attempt is chosen by the closed loop (`loop`), or by an agent
-(`envs.closed_loop`).
+(`env`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import cycle
 from typing import Any
 
 import numpy as np
 
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.extensions.closed_loop.belief import Belief
-from mlivr_gym.extensions.closed_loop.depth_camera import ALL_PIXELS, FIELDS, DepthCamera
+from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.record import FAILED, ClosedLoopRecord, Event
 from mlivr_gym.motion import Trajectory
 from mlivr_gym.planners import Plan
@@ -23,19 +22,12 @@ from mlivr_gym.simulation import StepExecutor
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
-from mlivr_gym.simulation.step_executor import PreparedStep
 from mlivr_gym.stances import State
 
 ATTEMPTS = 2
 """Number of times that a limb reaches for a point before the point counts as occupied."""
 
-BLIND_PERIOD = 1.0
-"""Time between two looks of a robot without cameras [s], which see nothing."""
-
-REFUSED = ("missed grasp", "refused grasp")
-"""Failures after which the same step is tried again, see `ATTEMPTS`."""
-
-NOTICED = {**dict.fromkeys(REFUSED, "refused"), "blocked path": "blocked"}
+NOTICED = {"missed grasp": "refused", "refused grasp": "refused", "blocked path": "blocked"}
 """Failures after which the limb goes back to the point that it left, and their kinds of event."""
 
 
@@ -54,9 +46,6 @@ class SensingRobot(Independent):
         What happened so far.
     refused
         Kind of event of the last attempt: `"refused"`, `"blocked"`, or None.
-    fault
-        What was raised while it sensed during a step; None if nothing was. It has gone
-        back then.
     intervals
         What was simulated in the last attempt.
     """
@@ -77,9 +66,8 @@ class SensingRobot(Independent):
         self._camera, self._seed, self._show = camera, seed, show
         self._rng = np.random.default_rng([seed, 3])
         self.belief = Belief(self.graph, camera.noise if camera is not None else 0.0)
-        self._attempts, self._freed = dict[int, int](), 0
+        self._attempts = dict[int, int]()
         self.refused: str | None = None
-        self.fault: Exception | None = None
         self.intervals: list[SimulatedInterval] = []
 
     def start(self, state: State, plan: Plan | None, refusing: frozenset[int]) -> State:
@@ -97,73 +85,47 @@ class SensingRobot(Independent):
         simulation.refusing = refusing
         return state
 
-    @property
-    def may_see_through(self) -> bool:
-        """Whether the robot may find out that an obstacle of the graph is gone."""
-        return self._camera is not None and bool(self.graph.obstacles)
-
     def look_round(self) -> None:
-        """Look in all directions, and believe what is seen; without cameras nothing is."""
+        """Look in all directions, and let the graph have what is believed."""
         if self._camera is not None:
             self._sense(self._camera)
-        if freed := self.belief.freed - self._freed:
-            self.note("freed", cubes=freed)
-            self._freed += freed
+        if self.belief.update_graph(self.executor.state):
+            self.note("sensed", boxes=len(self.belief.boxes()))
 
-    def _sense(self, camera: DepthCamera, pixels: slice = ALL_PIXELS) -> None:
+    def _sense(self, camera: DepthCamera) -> None:
         """Look, and believe what is seen."""
         simulation, belief = self.executor.simulation, self.belief
         model, data = simulation.model, simulation.data
-        hits, origins = camera.measure(model, data, self.graph.robot, self._rng, pixels)
-        known = len(belief.gone)
-        has_found = belief.add_hits(hits, self.executor.configuration, origins)
+        belief.add_hits(camera.measure(model, data, self.graph.robot, self._rng))
         if self.record.footage is not None:
             self.record.footage.looks.append((simulation.time, belief.boxes()))
-        for box in belief.gone[known:]:
-            self.note("gone", box=box)
-        if has_found:
-            self.note("sensed", hits=len(hits), boxes=len(belief.boxes()))
 
-    def _watch(self) -> PathWatch:
+    def _watch(self, camera: DepthCamera) -> PathWatch:
         """Return what looks ahead during a step: the cameras."""
-        camera, fields = self._camera, cycle(FIELDS)
 
         def is_blocked(trajectory: Trajectory, sample: int) -> bool:
-            if camera is None:
-                return False
-            try:
-                self._sense(camera, next(fields))
-                present, belief = self.executor.configuration, self.belief
-                blocked = belief.is_blocked(trajectory, sample)
-                return blocked or belief.will_touch(trajectory, sample, present)
-            except Exception as fault:  # whoever attempts the step raises it, once all limbs hold
-                self.fault = fault
-                return True
+            self._sense(camera)
+            return self.belief.is_blocked(trajectory, sample)
 
-        return PathWatch(BLIND_PERIOD if camera is None else camera.period, is_blocked)
+        return PathWatch(camera.period, is_blocked)
 
-    def prepared(self, limb: int, point: int, branch_sets: tuple[int, ...]) -> PreparedStep | None:
-        """Return a step to a point and branches; None, and avoid the point, if no swing exists."""
-        step = self.executor.prepared(limb, point, branch_sets)
-        if not isinstance(step, Failure):
-            return step
-        self.refused = "blocked"
-        self.note(self.refused, limb=limb, point=self._name(point), failure=step.kind)
-        self.belief.avoid(point)
-        return None
+    def attempt(self, limb: int, point: int, branch_sets: tuple[int, ...]) -> bool:
+        """Take a step to a point and branches; return whether it ended with a grasp.
 
-    def attempt(self, step: PreparedStep) -> bool:
-        """Take a step, and go back if it fails; return whether it ended with a grasp.
-
-        The record ends if the robot cannot go back.
+        If it fails, the limb goes back; the record ends if it cannot. A point to which no swing
+        exists counts as occupied.
         """
-        executor, grasps = self.executor, step.trajectory.grasps
-        limb = int(np.flatnonzero(grasps[0] != grasps[-1])[0])
-        point = int(grasps[-1, limb])
+        executor, camera, name = self.executor, self._camera, self.graph.grasp_map.ids[point]
         self.intervals = []
-        _, executed = executor.take(step, self._watch())
+        step = executor.prepared(limb, point, branch_sets)
+        if isinstance(step, Failure):
+            self.refused = "blocked"
+            self.note(self.refused, limb=limb, point=name, failure=step.kind)
+            self.belief.refuse(point)
+            return False
+        _, executed = executor.take(step, None if camera is None else self._watch(camera))
         self._measure(executed)
-        failure, name = executed.failure, self._name(point)
+        failure = executed.failure
         self.refused = None if failure is None else NOTICED.get(failure.kind)
         if executed.has_turned_back and self.refused == "refused":
             self.refused = None  # the point that it left refuses it
@@ -175,18 +137,13 @@ class SensingRobot(Independent):
             self.note(self.refused, limb=limb, point=name, failure=failure.kind)
             self._attempts[point] = self._attempts.get(point, 0) + 1
             if self.refused == "refused":  # from what blocks its path it has turned back
-                self._retreat()
+                back = executor.retreat()
+                self._measure(back)
+                if back.failure is not None:
+                    self._fail(back.failure, is_back=True)
             if self._attempts[point] % ATTEMPTS == 0 and not self.record.reason:
-                is_blocked = self.refused == "blocked"
-                (self.belief.avoid if is_blocked else self.belief.refuse)(point)
+                self.belief.refuse(point)
         return failure is None
-
-    def _retreat(self) -> None:
-        """Go back to where the step began; the record ends if that fails."""
-        back = self.executor.retreat()
-        self._measure(back)
-        if back.failure is not None:
-            self._fail(back.failure, is_back=True)
 
     def _fail(self, failure: Failure, is_back: bool) -> None:
         """Record the end of the walk by a failure, which may be on the way back."""
@@ -200,10 +157,6 @@ class SensingRobot(Independent):
         if record.footage is not None:
             record.footage.recordings.append(executed.recording)
         record.peak_force = max(record.peak_force, float(executed.peaks.grasp_force.max()))
-
-    def _name(self, point: int) -> str:
-        """Return the id of a point."""
-        return self.graph.grasp_map.ids[point]
 
     def note(self, kind: str, **values: Any) -> None:
         """Record an event."""

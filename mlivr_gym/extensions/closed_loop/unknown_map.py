@@ -1,4 +1,4 @@
-"""The environment in which the robot does not know which points are occupied until it sees them."""
+"""The environment whose occupied points the robot does not know before it sees them; a policy."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from mlivr_gym.arguments import NOT_NEGATIVE, checked
+from mlivr_gym.agents import Policy
+from mlivr_gym.arguments import NOT_NEGATIVE, InstanceOf, checked
 from mlivr_gym.arrays import BoolArray, IntArray
 from mlivr_gym.envs import TASKS, Attempt, LayoutTasks, MlivrEnv, Observation, TaskGenerator
 from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES
 from mlivr_gym.errors import MlivrError, SettingError
 from mlivr_gym.kinematics import distances
 from mlivr_gym.schema import FieldPath
+from mlivr_gym.sharing import Independent
 
 PRIOR = sum(OCCUPIED_SHARES) / 2.0
 """Probability that a point is occupied before anything is seen."""
@@ -140,3 +142,30 @@ class UnknownMapEnv(MlivrEnv):
     def _info(self, invalid: bool, failed: bool = False) -> dict[str, Any]:
         """Return the information on the present state, with the number of looks."""
         return {**super()._info(invalid, failed), "looks": self.looks}
+
+
+class LookingPolicy(Independent):
+    """Policy for `UnknownMapEnv` that looks before it grasps an unknown point, or never looks.
+
+    `policy` chooses the steps; for it the environment is a `MlivrEnv`, whose `graph` and
+    `failure_probability` are what the robot knows.
+    """
+
+    @checked()
+    def __init__(self, policy: Policy, looks: bool = True) -> None:
+        """Take the policy that chooses the steps."""
+        self.policy, self.looks = policy, looks
+
+    @checked({"env": InstanceOf(UnknownMapEnv)})
+    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
+        """Return the action to take; see `Policy.act`.
+
+        Raises a `SettingError` if the environment is not an `UnknownMapEnv`.
+        """
+        assert isinstance(env, UnknownMapEnv)
+        if not mask[:-1].any():
+            return len(mask) - 1
+        action = self.policy.act(env, observation, mask[:-1])
+        point = action % len(env.graph.grasp_map)
+        look = self.looks and not env.seen[point] and point in env.in_sight()
+        return len(mask) - 1 if look else action

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
 from functools import partial
 
 from mlivr_gym.cli.arguments import (
@@ -24,13 +23,11 @@ from mlivr_gym.cli.exits import FAILED, NO_PLAN, SUCCESS
 from mlivr_gym.cli.films import film_options, make_film
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.extensions.closed_loop.film import closed_loop_film
-from mlivr_gym.extensions.closed_loop.record import ARRIVED, STOPPED, ClosedLoopRecord, Event
+from mlivr_gym.extensions.closed_loop.record import ARRIVED, STOPPED
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures import check_film_format, walk_figure
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.schema import Choice
-from mlivr_gym.stances import StanceGraph
-from mlivr_gym.world import Box
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -42,11 +39,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
     text = "box that the robot does not know, by its lower and upper corner [m]; may be repeated"
     option(parser, "--unknown X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
-    text = "box that the robot believes in, though it is gone [m]; may be repeated"
-    option(parser, "--gone X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
     option(parser, "--refusing POINT...", "ids of points that refuse a grasp", [])
     option(parser, "--blind", "switch the cameras off")
-    option(parser, "--noise M", "standard deviation of a measured distance [m]", 0.003)
     controller_option(parser)
     text = "make robot and module differ from the model of the controller"
     option(parser, "--disturbances WHICH", text, "none", Choice(("none", "all")))
@@ -68,8 +62,6 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
     from mlivr_gym.simulation import Setup
 
-    if args.blind:
-        refuse_without_effect(args, "with --blind", "noise")
     if args.film is None:
         refuse_without_effect(args, "without --film", "size", "speed")
     else:
@@ -78,21 +70,18 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args.out, args.film, *pictures, inputs=input_files(args))
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
-    unknown, gone = numbered_boxes("unknown", args.unknown), numbered_boxes("gone", args.gone)
-    graph.add_obstacles(gone)
+    unknown = numbered_boxes("unknown", args.unknown)
     record = run_closed_loop(
         graph, start, goal, args.cost,
         goal_tolerance=args.tolerance,
         unknown=unknown,
-        gone=[box.id for box in gone],
         refusing=args.refusing,
-        camera=None if args.blind else DepthCamera(noise=args.noise),
+        camera=None if args.blind else DepthCamera(),
         setup=Setup.of(args.pace, args.controller, disturbances=args.disturbances),
         seed=args.seed,
-        show=_show,
+        show=lambda event: print(f"{event.time:7.1f} s  {event.line}"),
         filmed=args.film is not None,
     )  # fmt: skip
-    graph.remove_obstacles([box.id for box in gone])
     args.result |= record.to_dict()
     times = 1e3 * record.replanning_times
     print(
@@ -109,22 +98,9 @@ def run(args: argparse.Namespace) -> int:
             walk_figure(graph.grasp_map, record.plans, args.picture, boxes)
             print(f"picture: {pictures[0]}, {pictures[1]}")
         if args.film is not None:
-            _film(args, graph, record, unknown)
+            if record.footage is None or not record.footage.recordings:
+                print("no film: the robot did not move")
+            else:
+                make = partial(closed_loop_film, graph, record, args.film, unknown=unknown)
+                make_film(args, args.film, record.footage.recording, make)
     return {ARRIVED: SUCCESS, STOPPED: NO_PLAN}.get(record.outcome, FAILED)
-
-
-def _film(
-    args: argparse.Namespace, graph: StanceGraph, record: ClosedLoopRecord, unknown: Sequence[Box]
-) -> None:
-    """Film a walk among unknown boxes, or print why it cannot be filmed."""
-    footage = record.footage
-    if footage is None or not footage.recordings:
-        print("no film: the robot did not move")
-        return
-    make = partial(closed_loop_film, graph, record, args.film, unknown=unknown)
-    make_film(args, args.film, footage.recording, make)
-
-
-def _show(event: Event) -> None:
-    """Print an event in one line."""
-    print(f"{event.time:7.1f} s  {event.line}")

@@ -3,12 +3,9 @@
 import json
 from dataclasses import dataclass
 
-import numpy as np
-
 from mlivr_gym.cli.main import main
 from mlivr_gym.extensions.closed_loop import depth_camera
 from mlivr_gym.extensions.closed_loop.record import (
-    ARRIVED,
     LINES,
     STOPPED,
     ClosedLoopRecord,
@@ -80,18 +77,3 @@ def test_each_kind_of_failure_that_is_noticed_has_its_line():
 def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
     assert main([*START, *FAR_GOAL, *BAG, "--blind"]) == 1
     assert "collision" in capsys.readouterr().out
-
-
-def test_what_is_gone_is_believed_during_the_walk(monkeypatch):
-    believed = []
-
-    def walk(graph, *_, gone, **__):
-        believed.append(([box.bounds.tolist() for box in graph.obstacles], gone))
-        return ClosedLoopRecord(ARRIVED, "it may")
-
-    monkeypatch.setattr("mlivr_gym.extensions.closed_loop.loop.run_closed_loop", walk)
-    box = [[3.0, -0.2, 0.0], [3.2, 0.2, 0.4]]
-    given = "--gone", *map(str, box[0] + box[1])
-    assert main([*START, *GOAL, *given]) == 0
-    np.testing.assert_allclose(believed[0][0], [box])
-    assert believed[0][1:] == (["gone0"],)
