@@ -123,6 +123,7 @@ class ImplicitSearch(PathSearch):
         """Prepare a search from a state."""
         super().__init__(graph, search, start)
         self.max_displacement, self.generated = graph.max_displacement, 1
+        self._check_effort = 0
         self._open: list[tuple[float, float, int, Block | Entry]] = []
         """The open queue, a heap; ties go to the larger cost so far."""
         self._pushed = 0
@@ -185,6 +186,11 @@ class ImplicitSearch(PathSearch):
         elif entries and self._expand(entries[0]):
             return entries[0]
         return None
+
+    @property
+    def effort(self) -> int:
+        """The effort so far, see `PathSearch.effort`."""
+        return self.expanded + self._check_effort
 
     def is_connected(self) -> bool:
         """Return whether moves may connect the start with the goal, whatever the obstacles are."""
@@ -269,7 +275,7 @@ class ImplicitSearch(PathSearch):
                     parents.append(block.parent)
                     stances.append(stance)
         rows = np.array(stances, dtype=np.int64).reshape(-1, self.graph.limbs)
-        self.check_effort += EDGE_EFFORT * len(rows)  # a posture counts as an edge
+        self._check_effort += EDGE_EFFORT * len(rows)  # a posture counts as an edge
         pieces = self.clock.pieces("postures", len(rows))
         found = [self.graph.nodes(rows[piece]) for piece in pieces]
         if not found:
@@ -292,7 +298,7 @@ class ImplicitSearch(PathSearch):
 
     def _check_steps(self, batch: list[Entry]) -> None:
         """Check the steps to stances, and push the stances that can be reached by them."""
-        self.check_effort += EDGE_EFFORT * len(batch)
+        self._check_effort += EDGE_EFFORT * len(batch)
         pieces = self.clock.pieces("edges", len(batch))
         branch_sets = np.concatenate([self._branch_sets_after(batch[piece]) for piece in pieces])
         for entry, after in zip(batch, branch_sets, strict=True):

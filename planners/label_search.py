@@ -64,7 +64,8 @@ from mlivr_gym.stances.present_table import NO_NODES
 
 CHECK_SPAN = 0.01
 """How much larger the estimates of labels that are checked in one batch may be than the least one,
-as a base displacement, where displacements are charged [m]."""
+as a base displacement, where displacements are charged [m]. With the step cost many labels have
+equal estimates, so batches fill without a span."""
 
 EXPANSION = cast(int, np.int64(8))
 """Labels popped that count as much for the clock as the expansion of one."""
@@ -111,7 +112,7 @@ class SearchParameters(NamedTuple):
     max_expansions: int = CAPACITY
     """Maximum number of labels expanded."""
     check_when_popped: bool = False
-    """Whether the edge to a label is checked when the label is popped from the queue, as in Lazy
+    """Whether the edge to a label is looked at when the label is popped from the queue, as in Lazy
     Weighted A* (Cohen, Phillips and Likhachev 2014); otherwise the caller checks the edges of the
     path that is returned, as in LazySP (Dellin and Srinivasa 2016)."""
 

@@ -50,7 +50,7 @@ class Labels(NamedTuple):
     expanded: NDArray[np.int32]
     """Labels in the order of their expansion, shape (CAPACITY,)."""
     checked: NDArray[np.bool_]
-    """Whether the edge to each label was checked, shape (CAPACITY,)."""
+    """Whether the edge to each label is known, or was looked at, shape (CAPACITY,)."""
     pending: IntArray
     """Labels whose edges or nodes are to be checked, shape (NODE_BATCH,)."""
 

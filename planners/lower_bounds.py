@@ -28,7 +28,7 @@ from mlivr_gym.transitions.state import State
 
 SEARCH_EXTENSION = (0.03, 2)
 """How far the bounds extend beyond the start with more than two limbs, for the starts of further
-plans: a fraction of the cost, and a number of steps."""
+plans: a fraction of the cost, and a number of steps. With two limbs new bounds take little time."""
 
 MAX_STEPS = 1 << 14
 """Upper bound of the steps between any two nodes."""

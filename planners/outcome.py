@@ -35,8 +35,8 @@ class SearchResult:
     status: str
     """`GOAL_REACHED`, `SEARCH_EXHAUSTED` or `LIMIT_REACHED`."""
     states: tuple[State, ...]
-    """States from the start to the goal, or to the last expanded state if the goal was not
-    reached."""
+    """States from the start to the goal, or the start alone if the goal was not reached; with
+    Algorithm 1 those to the last expanded state."""
     cost: float
     """Cost of the path."""
     expanded: int
@@ -44,9 +44,9 @@ class SearchResult:
     generated: int
     """Number of states put into the open queue."""
     tree: Array
-    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
+    """Base positions at both ends of the steps that the last search explored, (e, 2, 3) [m]."""
     backward_expanded: int = 0
-    """Number of nodes that backward searches settled to compute the lower bounds."""
+    """Number of nodes and labels from which backward searches computed the lower bounds."""
     bound: float = math.inf
     """Optimality bound: the path costs at most this factor times the minimum; infinite if nothing
     is proved."""

@@ -42,8 +42,6 @@ class PathSearch(ABC):
         there is none.
     incumbent_cost
         Cost of the cheapest path so far, infinite if there is none.
-    check_effort
-        Effort of the checks so far, see `effort`.
     expanded, generated
         Number of states expanded and generated.
     backward_expanded
@@ -58,7 +56,7 @@ class PathSearch(ABC):
         self.graph, self.search, self.goal, self.start = graph, search, search.goal, start
         self.clock = search.clock
         self.lower_bound, self.incumbent_cost = 0.0, np.inf
-        self.expanded = self.generated = self.backward_expanded = self.check_effort = 0
+        self.expanded = self.generated = self.backward_expanded = 0
         self.start_posture = graph.posture_of(start)
         position = self.start_posture.base_position[0]
         self.starts_at_goal = bool(self.goal.reached(position, start.stance))
@@ -86,9 +84,9 @@ class PathSearch(ABC):
         return self.effort >= self.search.effort or self.clock.is_over
 
     @property
+    @abstractmethod
     def effort(self) -> int:
         """The effort so far: expansions, and `EDGE_EFFORT` and `NODE_EFFORT` for each check."""
-        return self.expanded + self.check_effort
 
     @property
     def has_path(self) -> bool:

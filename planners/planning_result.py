@@ -57,7 +57,7 @@ class PlanningResult:
     search_time: float
     """Time spent on the search and on step checks [s]."""
     tree: Array
-    """Base positions at both ends of each explored step, shape (e, 2, 3) [m]."""
+    """Base positions at both ends of the steps that the last search explored, (e, 2, 3) [m]."""
     improvements: tuple[Improvement, ...] = ()
     """The paths found in turn, each cheaper than the one before, with the times at which they were
     found; the last one is that of the plan."""

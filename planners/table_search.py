@@ -316,6 +316,8 @@ class TableSearch(PathSearch):
                 sets.append(present.branch_sets_after(piece[edge], sets[-1], kept[edge]))
                 if not sets[-1][0]:
                     return None
+        # The swing limb is limb i of the node before an edge and limb j of that after it, so from
+        # node to node the limbs of the robot turn by i - j among those of the table.
         (_, i), (_, j), _ = edge_ends(present.table, edges)
         relabelling = int(self._relabellings[path.origin])
         relabellings = -np.cumsum([relabelling, *(i - j).tolist()])

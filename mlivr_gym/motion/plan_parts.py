@@ -94,7 +94,8 @@ class Query:
     method: Annotated[str, NAME]
     """Name of the search method."""
     heuristic: Annotated[str, NAME]
-    """Name of the heuristic, as requested; see `Planner.plan` for when another one is used."""
+    """Name of the heuristic, as requested, or the default of method and robot. Over a node table of
+    more limbs the bounds are the relaxed cost-to-go, see `SearchOptions.heuristic`."""
     goal_face: Annotated[str | None, OrNone(NAME)] = None
     """Face of the map on which all limbs hold points at the goal; None for any face."""
 

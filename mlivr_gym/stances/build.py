@@ -42,8 +42,9 @@ def stance_graph(
     The map is the name of one that ships, the path of a JSON or CSV file, a map, or plain data, by
     default the measured JEM; the robot is a name, the path of a JSON, URDF or MJCF file, plain
     data, or a description. The settings are by default those of the paper, with steps checked. For
-    two limbs the graph has all stances; for more limbs nodes are computed on demand. Raises an
-    `MlivrError` if the map or the robot is faulty, or the robot cannot hold any stance on the map.
+    two limbs the graph has all stances; for more limbs a search takes the table that ships or was
+    built, and without one nodes are computed on demand. Raises an `MlivrError` if the map or the
+    robot is faulty, or the robot cannot hold any stance on the map.
 
 
     Examples
