@@ -19,6 +19,7 @@ from mlivr_gym.cli.arguments import (
 )
 from mlivr_gym.cli.outputs import all_or_none, check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
+from mlivr_gym.compiled.compiling import compilation
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.pictures.figures import figure_files
 from mlivr_gym.planners import Plan, Planner, PlanningResult
@@ -147,5 +148,5 @@ def print_plan(
     print(
         f"{plan.statistics.expanded} states expanded, {plan.statistics.generated} generated, "
         f"{1e3 * (plan.statistics.feasibility_time + plan.statistics.search_time):.1f} ms "
-        "for the query"
+        f"for the query{', compiling included' if compilation.seconds else ''}"
     )

@@ -16,12 +16,18 @@ displays: list[object] = []
 
 
 class Compilation(event.Listener):
-    """The functions that Numba compiles, the outermost first, and the time spent so far [s]."""
+    """The functions that Numba compiles now, the outermost first.
+
+    Attributes
+    ----------
+    seconds
+        Time in which functions of this package were compiled so far [s].
+    """
 
     def __init__(self) -> None:
         """Start with nothing compiled."""
         self.names: list[str] = []
-        self._began = self._spent = 0.0
+        self._began = self.seconds = 0.0
         self._is_announced = self._has_line = False
 
     @property
@@ -43,7 +49,7 @@ class Compilation(event.Listener):
         """Note a function that was compiled."""
         self._tell()
         if len(self.names) == 1 and self.text:
-            self._spent += time.perf_counter() - self._began
+            self.seconds += time.perf_counter() - self._began
         self.names.pop()
         if self._has_line and not self.names:
             self._has_line = False
@@ -52,7 +58,7 @@ class Compilation(event.Listener):
     def _tell(self) -> None:
         """Tell once that the package is compiled, and on a terminal what."""
         now = time.perf_counter() - self._began
-        if not self.text or self._spent + now < TOLD_AFTER:
+        if not self.text or self.seconds + now < TOLD_AFTER:
             return
         is_terminal = sys.stderr.isatty()
         clear = "\r\033[K" if is_terminal else ""

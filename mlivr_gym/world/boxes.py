@@ -103,8 +103,8 @@ class Box:
     ) -> tuple[Box, ...]:
         """Return axis-aligned boxes from their corners, shape (k, 3) [m].
 
-        Their ids are the name followed by a number, from `first` on. The figures are checked all at
-        once, which is much faster for many boxes.
+        Their ids are the name followed by a number, from `first` on, so a name that ends in a digit
+        may give ids of another. The figures are checked all at once, which is much faster.
         """
         if not len(low):
             return ()

@@ -86,7 +86,9 @@ def imported(path):
 
 def test_every_kernel_is_in_one_row_and_nothing_else_is():
     named = Counter(kernel for row in ROWS for kernel in row.kernels)
-    assert named == Counter(kernels())
+    missing, surplus = Counter(kernels()) - named, named - Counter(kernels())
+    assert not missing, f"add a row to docs/kernels.md for {sorted(missing)}"
+    assert not surplus, f"docs/kernels.md has a row too many for {sorted(surplus)}"
 
 
 @each_row

@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import re
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 from public_api import parameters
@@ -211,7 +212,7 @@ def good(things, title, function):
         elif name in NAMED:
             given[name] = NAMED[name](things)
         else:
-            raise LookupError(f"{title}: nothing for {name}")
+            raise LookupError(f"{title}: add {name} to the tables of {Path(__file__).name}")
     return given
 
 
