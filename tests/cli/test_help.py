@@ -39,12 +39,3 @@ def test_the_help_of_a_command_fits_a_screen_and_each_option_is_in_one_group(cap
     for name in vars(parser.parse_known_args(["run"])[0]):
         option = f"--{name.replace('_', '-')}"
         assert option in known or (name in ("grace", "file", "folder", "folders", "action"))
-
-
-def test_the_help_of_plan_has_ten_options(capsys):
-    text, options = told(capsys, "plan", "-h")
-    assert len([name for name in options if name != "--help"]) == 10
-    assert set(re.findall(r"^  --help (\w+)", text, re.MULTILINE)) == {*GROUPS} - {
-        "physics",
-        "film",
-    }
