@@ -139,13 +139,13 @@ def check_hyperparameters(given: Any, path: str = "hyperparameters") -> dict[str
     hyperparameters by `path`.
     """
     place = FieldPath(path, SettingError)
-    found = Fields({"networks": SIZES}, METHOD_FIELDS).read(given, place)
-    if not {"imitation", "ppo"} & found.keys():
+    checked = Fields({"networks": SIZES}, METHOD_FIELDS).read(given, place)
+    if not {"imitation", "ppo"} & checked.keys():
         raise place.fault("has neither imitation nor ppo, so that nothing would be learned")
     for name in ("ppo", "n_envs", "timesteps"):
-        if name not in found and {"ppo", "n_envs", "timesteps"} & found.keys():
+        if name not in checked and {"ppo", "n_envs", "timesteps"} & checked.keys():
             raise place.field(name).fault("is missing; ppo, n_envs and timesteps go together")
-    return found
+    return checked
 
 
 def fill_dagger(method: str, given: dict[str, Any]) -> dict[str, Any]:

@@ -166,7 +166,7 @@ def beam_search(
             seen_now = as_tensors(policy.actor_critic, env_features(env, states))
             logits, _ = logits_and_value(policy.actor_critic, seen_now)
             chances = torch.log_softmax(logits, dim=1).numpy()
-        found: list[tuple[float, State, list[int]]] = []
+        walks: list[tuple[float, State, list[int]]] = []
         arrived: list[tuple[float, list[int]]] = []
         for (chance, state, actions), logs in zip(beam, chances, strict=True):
             steps = env.moves.successors(state)
@@ -175,11 +175,11 @@ def beam_search(
             arrived += [(chance + float(logs[a]), [*actions, int(a)]) for a in numbers[there]]
             for action in numbers[np.argsort(-logs[numbers], kind="stable")[: 2 * width]].tolist():
                 after = env.moves.take(state, action)
-                found.append((chance + float(logs[action]), after, [*actions, action]))
+                walks.append((chance + float(logs[action]), after, [*actions, action]))
         if arrived:
             return max(arrived, key=lambda pair: pair[0])[1]
         beam = []
-        for entry in sorted(found, key=lambda entry: -entry[0]):
+        for entry in sorted(walks, key=lambda entry: -entry[0]):
             if entry[1].stance not in seen and len(beam) < width:
                 seen.add(entry[1].stance)
                 beam.append(entry)

@@ -84,7 +84,7 @@ def write_lerobot_dataset(
 def _write_tables(root: Path, made: list[ExpertEpisode], robot: str, video: bool) -> int:
     """Write all but the videos, and return the number of frames."""
     columns = _columns(made)
-    lengths = np.array([len(one.actions) for one in made])
+    lengths = np.array([len(episode.actions) for episode in made])
     features: dict[str, Any] = {
         name: {"dtype": values.dtype.name, "shape": list(values.shape[1:]) or [1], "names": None}
         for name, values in columns.items()
@@ -97,7 +97,8 @@ def _write_tables(root: Path, made: list[ExpertEpisode], robot: str, video: bool
             "names": ["height", "width", "channels"],
             "info": {"video.fps": RATE, "video.codec": "h264", "video.pix_fmt": "yuv420p"},
         }
-        pixels = np.stack([picture for one in made for picture in one.pictures]).reshape(-1, 3)
+        pictures = [picture for episode in made for picture in episode.pictures]
+        pixels = np.stack(pictures).reshape(-1, 3)
         colours = _statistics(pixels / 255.0).items()
         statistics[CAMERA] = {name: np.reshape(row, (-1, 1, 1)).tolist() for name, row in colours}
     name = "chunk-{chunk_index:03d}/file-{file_index:03d}"
@@ -129,16 +130,16 @@ def _write_tables(root: Path, made: list[ExpertEpisode], robot: str, video: bool
 
 def _columns(made: list[ExpertEpisode]) -> dict[str, NDArray[Any]]:
     """Return what is known of each frame, shape (k,) or (k, width)."""
-    lengths = [len(one.actions) for one in made]
-    seen = [observation for one in made for observation in one.observations[:-1]]
+    lengths = [len(episode.actions) for episode in made]
+    seen = [observation for episode in made for observation in episode.observations[:-1]]
     number = np.concatenate([np.arange(length) for length in lengths])
     columns: dict[str, NDArray[Any]] = {
         f"observation.{name}": np.stack([np.asarray(one[name]).ravel() for one in seen])
         for name in seen[0]
     }
     return columns | {
-        "action": np.concatenate([one.actions for one in made]).astype(np.int64),
-        "next.reward": np.concatenate([one.rewards for one in made]).astype(np.float32),
+        "action": np.concatenate([episode.actions for episode in made]).astype(np.int64),
+        "next.reward": np.concatenate([episode.rewards for episode in made]).astype(np.float32),
         "next.done": number == np.repeat(lengths, lengths) - 1,
         "timestamp": (number / RATE).astype(np.float32),
         "frame_index": number,

@@ -34,7 +34,7 @@ COSTS = {"steps": "the fewest steps", "base": "least translation"}
 """Costs, and what their plans minimise."""
 
 GOALS, STARTS = 16, 5
-"""Number of known goals, as many as a planner keeps prepared, and of starts for each."""
+"""Number of known goals, as many as a planner remembers, and of starts for each."""
 
 CHANGES = 50
 """Number of changes of the world of each kind, after each of which a plan is made."""
@@ -92,10 +92,11 @@ def out_of_reach(graph: StanceGraph, rng: np.random.Generator) -> Iterator[Task]
 
 
 def query_series(graph: StanceGraph, tasks: Sequence[Task], cost: str) -> dict[str, Any]:
-    """Measure new goals, prepared goals and unreachable goals."""
+    """Measure new goals, known goals and unreachable goals."""
     cut_off = list(islice(out_of_reach(graph, np.random.default_rng(0)), len(tasks) // 2))
     knowing, goals = Planner(graph), [goal for _, goal in tasks[:GOALS]]
-    preparing = [timed(partial(knowing.prepare, goal, cost))[0] for goal in goals]
+    for start, goal in tasks[:GOALS]:
+        knowing.plan(start.stance, goal, cost)
     known = [(start, goal) for goal in goals for start, _ in tasks[-STARTS:]]
     exact = [timed(partial(Planner(graph).cost_to_go, goal, cost))[0] for goal in goals]
     return {
@@ -103,7 +104,6 @@ def query_series(graph: StanceGraph, tasks: Sequence[Task], cost: str) -> dict[s
         "known goal": query_times(knowing, known, cost),
         "unreachable goal": query_times(Planner(graph), cut_off, cost),
         "exact cost-to-go": spread(exact),
-        "prepare": spread(preparing),
     }
 
 
@@ -200,7 +200,6 @@ def measured(queries: int) -> dict[str, Any]:
     data["collisions off"] = {cost: query_series(without, others, cost) for cost in COSTS}
     print("replanning", flush=True)
     planner = Planner(graph)
-    planner.prepare(goal)
     data["replanning"] = replanning(planner, start, goal, min(CHANGES, count))
     print("graph libraries", flush=True)
     data["libraries"] = libraries(graph, tasks[:LIBRARY_QUERIES], "base")
@@ -215,7 +214,6 @@ BEFORE = {
     "steps, known goal": f"1.41, 1.80 ({OFF})",
     "base, known goal": f"1.64, 2.00 ({OFF})",
     "base, exact cost-to-go": f"0.90 ({OFF})",
-    "base, prepare": "14.0",
     "points": "2.45, 2.73",
     "box": "66.5, 123.5",
     "compiled": "41.4",
@@ -250,9 +248,8 @@ def figures(data: dict[str, Any]) -> Iterator[Figure]:
     base = found["base"]
     cut_off = base.get("unreachable goal")
     yield row("answer that there is no plan", "", cut_off, "3, 30", "ms")
-    exact, prepared = base.get("exact cost-to-go"), base.get("prepare")
+    exact = base.get("exact cost-to-go")
     yield row("exact cost-to-go of a new goal", "base, exact cost-to-go", exact, "0.3", "s")
-    yield row("`Planner.prepare`", "base, prepare", prepared, "1", "s")
     changes = {"points": ("ten points newly occupied", "1"), "box": ("a new box", "40")}
     for name, (words, target) in changes.items():
         yield row(f"new plan after {words}", name, data["replanning"].get(name), target, "ms")
@@ -320,7 +317,7 @@ Python 3.11.7, Numba 0.68.1, its queries with collisions off; a dash marks what 
 
 Each goal is new to the planner unless the series is called *known goal*; unreachable goals are
 drawn in the cabin. *Search* is the part of the median without start and motion. Replanning after
-changes of the world has a prepared goal. Times in ms.
+changes of the world has a goal to which the planner has planned. Times in ms.
 
 {table(SERIES, series(data))}
 ## The same table in graph libraries

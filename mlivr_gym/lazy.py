@@ -18,14 +18,14 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     find them; here they are imported from the same places, each when it is first asked for, since
     Numba, MuJoCo and PyTorch load slowly and few programs need all of them.
     """
-    here = sys.modules[package]
+    this_package = sys.modules[package]
 
     @cache
     def places() -> dict[str, str]:
         """Return the module of each name."""
         named = [
             node
-            for block in ast.parse(inspect.getsource(here)).body
+            for block in ast.parse(inspect.getsource(this_package)).body
             if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING"
             for node in block.body
             if isinstance(node, ast.ImportFrom)
@@ -35,7 +35,7 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     def get(name: str) -> Any:
         if name.startswith("__") or name not in places():
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        found = vars(here)[name] = getattr(import_module(places()[name]), name)
+        found = vars(this_package)[name] = getattr(import_module(places()[name]), name)
         return found
 
-    return get, lambda: sorted({*vars(here), *places()})
+    return get, lambda: sorted({*vars(this_package), *places()})

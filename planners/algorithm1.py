@@ -93,7 +93,7 @@ def algorithm1(
     queue = [(float(estimate(origin)), 0.0, 0, start, origin, -1)]  # line 1
     best_cost, closed = {start: 0.0}, set()
     while queue:  # line 2
-        _, minus_g, _, state, here, parent = heapq.heappop(queue)  # line 3
+        _, minus_g, _, state, position, parent = heapq.heappop(queue)  # line 3
         if state in closed:  # line 4
             continue
         closed.add(state)
@@ -101,8 +101,8 @@ def algorithm1(
         tree.states.append(state)
         tree.parents.append(parent)
         tree.costs.append(-minus_g)
-        tree.positions.append(here)
-        if goal.reached(here, state.stance):  # line 5
+        tree.positions.append(position)
+        if goal.reached(position, state.stance):  # line 5
             tree.status = GOAL_REACHED
             return tree
         if index + 1 >= limit:
@@ -111,7 +111,7 @@ def algorithm1(
         if progress is not None and index % 100 == 0:
             progress(index)
         steps = graph.successors(state)  # line 6
-        distances = np.linalg.norm(steps.base_position - here, axis=1)
+        distances = np.linalg.norm(steps.base_position - position, axis=1)
         g = -minus_g + cost.of_steps(distances, steps.stances(state), steps.point)  # line 7
         f = g + estimate(steps.base_position)
         for k in range(len(steps.limb)):

@@ -179,15 +179,15 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
         states, depth, seen = [task.start], [0], {task.start.stance}
         queue: list[tuple[float, int]] = [(0.0, 0)]
         while queue and len(states) < 20_000:
-            _, here = heapq.heappop(queue)
-            if task.is_at_goal(states[here]):
-                chain = [here]
+            _, index = heapq.heappop(queue)
+            if task.is_at_goal(states[index]):
+                chain = [index]
                 while parents[chain[-1]] >= 0:
                     chain.append(parents[chain[-1]])
                 return task.walk([states[k] for k in reversed(chain)])
-            if depth[here] >= task.max_steps:
+            if depth[index] >= task.max_steps:
                 continue
-            steps = task.steps(states[here])
+            steps = task.steps(states[index])
             far = distances(steps.base_position, task.goal)
             along = (steps.base_position - origin) @ direction
             aside = np.linalg.norm(
@@ -195,12 +195,12 @@ def two_level(task: _Task, rng: np.random.Generator, budget: int) -> Walk:
                 axis=1,
             )
             for k in np.flatnonzero(aside <= half_width):
-                after = steps.after(states[here], int(k))
+                after = steps.after(states[index], int(k))
                 if after.stance not in seen:
                     seen.add(after.stance)
                     states.append(after)
-                    parents.append(here)
-                    depth.append(depth[here] + 1)
+                    parents.append(index)
+                    depth.append(depth[index] + 1)
                     heapq.heappush(queue, (float(far[k]), len(states) - 1))
     return task.walk([task.start])
 

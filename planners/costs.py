@@ -199,13 +199,13 @@ class Cost:
         if self.prices is None or not len(points):
             return np.zeros(len(points))
         stances = np.asarray(stances, dtype=np.int64).reshape(len(points), -1)
-        found = np.asarray(self.prices(stances, points), dtype=np.float64)
-        if found.shape != points.shape or not ((found >= 0.0) & (found <= HIGHEST_PRICE)).all():
+        prices = np.asarray(self.prices(stances, points), dtype=np.float64)
+        if prices.shape != points.shape or not ((prices >= 0.0) & (prices <= HIGHEST_PRICE)).all():
             raise SettingError(
-                f"the prices of a cost are {shortened(found)}; they must be numbers from 0 to "
+                f"the prices of a cost are {shortened(prices)}; they must be numbers from 0 to "
                 f"{HIGHEST_PRICE:g}, shape {points.shape}"
             )
-        return found
+        return prices
 
     def of_steps(self, displacement: Array, stances: Any, points: Any) -> Array:
         """Return the costs of steps with base displacements [m]; arguments of `prices_of`, (k,)."""

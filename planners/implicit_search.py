@@ -303,14 +303,14 @@ class ImplicitSearch(PathSearch):
     def _branch_sets_after(self, batch: list[Entry]) -> IntArray:
         """Check the steps to stances; return the branch sets after them, shape (k, N)."""
         parents = list(dict.fromkeys(entry.parent for entry in batch if entry.parent is not None))
-        found: IntArray = self.graph.branch_sets_after(
+        branch_sets: IntArray = self.graph.branch_sets_after(
             [parent.state for parent in parents],
             join(*(parent.posture for parent in parents)),
             np.array([parents.index(entry.parent) for entry in batch if entry.parent is not None]),
             np.array([entry.state.stance for entry in batch], dtype=np.int64),
             join(*(entry.posture for entry in batch)),
         )
-        return found
+        return branch_sets
 
     def _expand(self, entry: Entry) -> bool:
         """Expand an entry unless it is dominated; return whether it is at the goal."""

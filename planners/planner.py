@@ -7,8 +7,6 @@ from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, SettingError, StanceError
@@ -177,13 +175,13 @@ class Planner(OnGraph):
         start_state = self._start_state(start, start_pose, start_joints)
         limit = MAX_EXPANSIONS if self.graph.lists_all else limit
         search = SearchQuery.from_options(self.graph, target, SearchOptions(limit=limit))
-        found = self._searched(search, start_state, Timer())
-        if found:
-            return Cause((), f"nothing cuts the goal off: there is a plan of {found.message}")
-        if found.reason == LIMIT_REACHED:
-            return Cause((), f"{found.message}: a larger limit may tell whether there is one")
-        if found.reason == NO_SWING:
-            return Cause((), found.message)
+        result = self._searched(search, start_state, Timer())
+        if result:
+            return Cause((), f"nothing cuts the goal off: there is a plan of {result.message}")
+        if result.reason == LIMIT_REACHED:
+            return Cause((), f"{result.message}: a larger limit may tell whether there is one")
+        if result.reason == NO_SWING:
+            return Cause((), result.message)
         return find_cause(self.graph, start_state, target, limit)
 
     def _start_state(
@@ -266,8 +264,8 @@ class Planner(OnGraph):
         if path is None:
             return None
         timer.search = timer.lap()
-        found = self._committed(plan.query, path, timer)
-        return found if found.plan is not None else None
+        result = self._committed(plan.query, path, timer)
+        return result if result.plan is not None else None
 
     @checked(QUERY)
     def refined(self, plan: Plan, seed: int = 0) -> Plan:
@@ -280,28 +278,6 @@ class Planner(OnGraph):
         map or robot, or is not possible in the present world.
         """
         return refined(self.graph, plan, seed)
-
-    @checked(QUERY)
-    def prepare(
-        self,
-        goal: Sequence[float] | Array,
-        cost: str | Cost = "base",
-        *,
-        regrasp_price: float | None = None,
-        goal_tolerance: float = GOAL_TOLERANCE,
-        goal_face: str | None = None,
-    ) -> None:
-        """Compute the relaxed cost-to-go, the heuristic `"relaxed"`, from all stances to a goal.
-
-        Further plans to the goal are then fast. It is the minimum cost if limbs could change their
-        branches, and stays a lower bound when points are occupied or obstacles added. The
-        parameters are those of `plan`. Raises a `SettingError` if the robot has more than two
-        limbs.
-        """
-        graph, lower_bounds = self._two_limbs(), self._searcher.lower_bounds()
-        assert lower_bounds is not None
-        target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
-        lower_bounds.compute(target, np.arange(len(graph)))
 
     @checked(QUERY)
     def cost_to_go(

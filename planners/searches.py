@@ -93,11 +93,11 @@ class GraphSearcher:
         if graph.table is None:
             # A thread finds it, which would wait for the lock of the graph.
             deadline = search.clock.deadline
-            found = result_by_deadline(
+            stored = result_by_deadline(
                 ("nodes", key_of(graph)), lambda: stored_table(graph), deadline
             )
-            if found is not None:
-                graph.graph_table = found[1]
+            if stored is not None:
+                graph.graph_table = stored[1]
         lower_bounds = self.lower_bounds()
         if lower_bounds is not None:
             return run_search(TableSearch(lower_bounds, search, start), step_time)
@@ -141,16 +141,16 @@ def run_search(path_search: PathSearch, step_time: float = 0.0) -> SearchResult 
 
 def _find_by_algorithm1(graph: StanceGraph, search: SearchQuery, start: State) -> SearchResult:
     """Search from a state by Algorithm 1 of the paper in plain Python."""
-    found = algorithm1(
+    outcome = algorithm1(
         graph, start, search.goal, search.heuristic,
         inflation=search.inflation, limit=search.limit, progress=search.progress,
     )  # fmt: skip
-    path = [len(found.states) - 1]
-    while found.parents[path[-1]] >= 0:
-        path.append(found.parents[path[-1]])
-    states, positions = tuple(found.states[k] for k in path[::-1]), np.array(found.positions)
-    tree = np.stack([positions[found.parents[1:]], positions[1:]], axis=1)
-    counts = len(found.states), found.generated
+    path = [len(outcome.states) - 1]
+    while outcome.parents[path[-1]] >= 0:
+        path.append(outcome.parents[path[-1]])
+    states, positions = tuple(outcome.states[k] for k in path[::-1]), np.array(outcome.positions)
+    tree = np.stack([positions[outcome.parents[1:]], positions[1:]], axis=1)
+    counts = len(outcome.states), outcome.generated
     return SearchResult(
-        found.status, states, found.costs[-1], *counts, tree, bound=search.guaranteed_bound
+        outcome.status, states, outcome.costs[-1], *counts, tree, bound=search.guaranteed_bound
     )

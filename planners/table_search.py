@@ -64,9 +64,6 @@ IN_GIVEN_ORDER = WEIGHTED._replace(max_expansions=200, check_when_popped=True)
 """The stage in the order of the queue that the user chose, which the others follow if it finds no
 path, but for the weight of the cost, which is that of the query."""
 
-FEW_LABELS = 100_000
-"""Maximum number of labels of a search with bounds from before some points were occupied."""
-
 EDGES_AT_ONCE = 4
 """Edges of a path among obstacles that are checked at once: after one that is blocked, the others
 can wait. Without obstacles few are no steps; the more of them are known, the fewer searches."""
@@ -98,7 +95,7 @@ class TableSearch(PathSearch):
 
     def _set_origins(self, start: StatePath) -> None:
         """Set the nodes at which paths may start, each with its path and limb relabelling."""
-        state, here = start.states[0], start.positions[0]
+        state, base = start.states[0], start.positions[0]
         states, costs = [state], np.zeros(1)
         self._origin_paths = [start]
         if state.pose is not None:
@@ -106,10 +103,10 @@ class TableSearch(PathSearch):
             steps = self.graph.successors_by_pieces(state, self.clock.pieces)
             states = [steps.after(state, k) for k in range(len(steps.limb))]
             self._origin_paths = [
-                StatePath((state, after), np.stack([here, position]))
+                StatePath((state, after), np.stack([base, position]))
                 for after, position in zip(states, steps.base_position, strict=True)
             ]
-            shift = np.linalg.norm(steps.base_position - here, axis=1)
+            shift = np.linalg.norm(steps.base_position - base, axis=1)
             costs = self.goal.cost.of_steps(shift, steps.stances(state), steps.point)
         both = [(s.stance, s.branch_sets) for s in states]
         table = np.array(both, dtype=np.int64).reshape(-1, 2, self.graph.limbs)
@@ -132,7 +129,7 @@ class TableSearch(PathSearch):
         if known is not None and known.occupied != self.graph.occupied:
             yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
-        bounds, limit = known or self._new_bounds(), FIRST_LIMIT
+        bounds, limit = known or self._present_bounds(self.goal), FIRST_LIMIT
         if is_complete:
             yield bounds, (by_cost,)
             return
@@ -148,42 +145,33 @@ class TableSearch(PathSearch):
     def _bounds_for_many(self) -> Iterator[tuple[GoalBounds, tuple[SearchParameters, ...]]]:
         """Yield bounds and stages of more than two limbs, whose checks take long.
 
-        Bounds cached by earlier queries come first. While there is no path, the fewest steps
-        follow, which are computed sooner than a base displacement.
+        While there is no path, the fewest steps come first, which are computed sooner than a base
+        displacement. Which bounds are known does not change the stages, nor so the plan.
         """
         search, goal = self.search, self.goal
-        known = self._lower_bounds.cached(goal, self._origins.nodes)
         weight = AMONG_OBSTACLES if self.graph.obstacles else FREE
         weighted, last = WEIGHTED._replace(cost_weight=1.0 / weight), SearchParameters()
         if search.has_given_order:
             if search.method != "dijkstra":
-                known = known or self._bounds(goal)
-                self._raise_lower_bound(known)
+                self._raise_lower_bound(self._present_bounds(goal))
             bounds = self._lower_bounds.from_distance(search)
             if search.heuristic == "zero":
                 yield bounds, (last,)
                 return
             yield bounds, (IN_GIVEN_ORDER._replace(cost_weight=search.cost_weight),)
-        if known is not None and known.occupied == self.graph.occupied:
-            yield known, (weighted, last)
-            return
-        if known is not None:
-            yield known, (weighted._replace(max_labels=FEW_LABELS),)
         if not goal.cost.counts_steps and not self.has_path:
-            yield self._bounds(replace(goal, cost=Cost.named("steps"))), (weighted,)
+            yield self._present_bounds(replace(goal, cost=Cost.named("steps"))), (weighted,)
         if not self.is_late:
-            yield self._new_bounds(), (weighted, last)
+            yield self._present_bounds(goal), (weighted, last)
 
-    def _new_bounds(self) -> GoalBounds:
-        """Return bounds with the points that are occupied now."""
-        new = self._lower_bounds.compute(self.goal, self._origins.nodes, self.clock)
+    def _present_bounds(self, goal: Goal) -> GoalBounds:
+        """Return bounds from the origins with the points occupied now, cached or computed."""
+        known = self._lower_bounds.cached(goal, self._origins.nodes)
+        if known is not None and known.occupied == self.graph.occupied:
+            return known
+        new = self._lower_bounds.compute(goal, self._origins.nodes, self.clock)
         self.backward_expanded += int(new.is_tight.sum())
         return new
-
-    def _bounds(self, goal: Goal) -> GoalBounds:
-        """Return bounds of a goal from the origins, cached or computed."""
-        starts, known = self._origins.nodes, self._lower_bounds
-        return known.cached(goal, starts) or known.compute(goal, starts, self.clock)
 
     def _improved_bounds(self, goal_bounds: GoalBounds, limit: int) -> GoalBounds:
         """Return bounds raised by a search from the goal that expands labels up to a limit.
@@ -199,19 +187,19 @@ class TableSearch(PathSearch):
         is_origin[self._origins.nodes] = True
         away = self._lower_bounds.among_checked(goal_bounds.cost, is_origin, goals, self.clock).h
         origins = NodeOrigins(goals, present.table.branch_sets[goals], np.zeros(len(goals)))
-        found = cheapest_path(
+        outcome = cheapest_path(
             self._search_graph(goal_bounds), away, origins, self._labels,
             SearchParameters(max_expansions=limit, check_when_popped=True),
             clock=self.clock, check=self._look_at,
         )  # fmt: skip
-        self.backward_expanded, self._last_expanded = self.backward_expanded + found.expanded, 0
-        if goal_bounds.cost.prices is not None and found.lower_bound < np.inf:
+        self.backward_expanded, self._last_expanded = self.backward_expanded + outcome.expanded, 0
+        if goal_bounds.cost.prices is not None and outcome.lower_bound < np.inf:
             return goal_bounds
-        explored = self._labels.expanded[: found.expanded]
+        explored = self._labels.expanded[: outcome.expanded]
         cost = np.full(len(away), np.inf)
         np.minimum.at(cost, self._labels.queue.node[explored], self._labels.cost[explored])
         # No path from the start leads to nodes that are infinitely far away.
-        others = found.lower_bound - np.where(away < np.inf, away, 0.0)
+        others = outcome.lower_bound - np.where(away < np.inf, away, 0.0)
         h = np.maximum(goal_bounds.h, np.minimum(cost, others))
         h[goals] = 0.0
         return goal_bounds._replace(h=h)
@@ -277,22 +265,22 @@ class TableSearch(PathSearch):
         search = self.search
         limit = min(search.limit - self.expanded, search.effort - self.effort)
         limit = min(stage.max_expansions, limit)
-        found = cheapest_path(
+        outcome = cheapest_path(
             self._search_graph(goal_bounds), goal_bounds.h, self._origins, self._labels,
             stage._replace(max_expansions=limit), cost_limit=cost_limit,
             clock=self.clock, check=self._look_at, check_nodes=self._check_nodes,
         )  # fmt: skip
-        self._has_ended = found.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
-        is_exhausted = found.end == SEARCH_COMPLETE and found.path is None
-        self.expanded, self._last_expanded = self.expanded + found.expanded, found.expanded
+        self._has_ended = outcome.end == SEARCH_COMPLETE and stage.cost_weight >= search.cost_weight
+        is_exhausted = outcome.end == SEARCH_COMPLETE and outcome.path is None
+        self.expanded, self._last_expanded = self.expanded + outcome.expanded, outcome.expanded
         self.generated += self._labels.label_count
         # A heuristic that overestimates proves nothing but that no path is left.
-        admissible = search.heuristic != "paper" or found.lower_bound == np.inf
+        admissible = search.heuristic != "paper" or outcome.lower_bound == np.inf
         # It holds for all plans with weight 1, and where nothing is left that may lead to another.
-        proves = stage.cost_weight == 1.0 or (is_exhausted and not found.has_dropped)
+        proves = stage.cost_weight == 1.0 or (is_exhausted and not outcome.has_dropped)
         if proves and admissible:
-            self.lower_bound = max(self.lower_bound, found.lower_bound)
-        return found.path
+            self.lower_bound = max(self.lower_bound, outcome.lower_bound)
+        return outcome.path
 
     def _look_at(self, edges: IntArray, branch_sets: NDArray[np.uint64]) -> NDArray[np.uint64]:
         """Look at edges; return an upper bound of the branches after them, 0 for no step, (k,).
@@ -324,8 +312,8 @@ class TableSearch(PathSearch):
                 self._check_edges(present.undecided(piece))
             kept = present.kept(piece)
             for k in range(len(piece)):
-                some = slice(k, k + 1)
-                sets.append(present.branch_sets_after(piece[some], sets[-1], kept[some]))
+                edge = slice(k, k + 1)
+                sets.append(present.branch_sets_after(piece[edge], sets[-1], kept[edge]))
                 if not sets[-1][0]:
                     return None
         (_, i), (_, j), _ = edge_ends(present.table, edges)

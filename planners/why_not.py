@@ -98,12 +98,12 @@ def is_plan_found(graph: StanceGraph, start: State, goal: Goal, limit: int) -> b
     None says that the search reached its limit before it found out.
     """
     try:
-        here = graph.state(start.stance, start.pose)
+        start_state = graph.state(start.stance, start.pose)
     except StanceError:
         return False
     step_goal = replace(goal, cost=Cost.named("steps"))
     search = SearchQuery.from_options(graph, step_goal, SearchOptions(limit=limit))
-    result = GraphSearcher(graph).find(search, here)
+    result = GraphSearcher(graph).find(search, start_state)
     if result is not None and result.status == LIMIT_REACHED:
         return None
     return result is not None and result.status == GOAL_REACHED

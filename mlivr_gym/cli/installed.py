@@ -63,21 +63,21 @@ def faults(core: dict[str, str | None]) -> dict[str, str]:
     One is missing, older than any that was tested, or cannot be imported, as MuJoCo is not after
     an upgrade from 3 to 4 in place.
     """
-    found = {}
+    faulty = {}
     for name, version in core.items():
         oldest = TESTED.get(name, ("0",))[0]
         if version is None:
-            found[name] = f"is missing: pip install '{name}>={oldest}'"
+            faulty[name] = f"is missing: pip install '{name}>={oldest}'"
         elif _parts(version) < _parts(oldest):
-            found[name] = f"{version} is too old: pip install '{name}>={oldest}'"
-    rest = [name for name in core if name not in found]
+            faulty[name] = f"{version} is too old: pip install '{name}>={oldest}'"
+    rest = [name for name in core if name not in faulty]
     with ThreadPoolExecutor() as pool:
         errors = pool.map(lambda name: failure(f"import {MODULES.get(name, name)}"), rest)
     for name, error in zip(rest, errors, strict=True):
         if error:
             told = re.split(r"\.\s", error)[0]  # what follows is advice, which for MuJoCo fails
-            found[name] = f"{core[name]} is broken: pip install --force-reinstall {name} ({told})"
-    return found
+            faulty[name] = f"{core[name]} is broken: pip install --force-reinstall {name} ({told})"
+    return faulty
 
 
 def untested(core: dict[str, str | None]) -> dict[str, str]:

@@ -120,14 +120,14 @@ def _text(source: Path) -> str:
 @cache
 def _imported(source: Path, of_kernels: bool) -> frozenset[Path]:
     """Return the files of this package that a file imports at module level."""
-    found: set[Path] = set()
+    modules: set[Path] = set()
     for module, names in IMPORT.findall(_text(source)):
         path = PACKAGE.joinpath(*module[1:].split("."))
         if (file := path.with_suffix(".py")).is_file():
             only_named = of_kernels and CLASSES.fullmatch(names) and not KERNEL.search(_text(file))
-            found.update(() if only_named else (file,))
+            modules.update(() if only_named else (file,))
             continue
         candidates = [path / "__init__.py"]
         candidates += [path / f"{name}.py" for name in re.findall(r"\w+", names)]
-        found.update(candidate for candidate in candidates if candidate.is_file())
-    return frozenset(found)
+        modules.update(candidate for candidate in candidates if candidate.is_file())
+    return frozenset(modules)

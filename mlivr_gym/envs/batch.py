@@ -155,15 +155,15 @@ def _walk_towards(
     It begins at the stance `s` with branch sets of both limbs; base positions of the stances have
     shape (n, 3) [m].
     """
-    start, after, kept, here, nearest = tables.start, tables.after, tables.kept, s, 0.0
+    start, after, kept, current, nearest = tables.start, tables.after, tables.kept, s, 0.0
     for axis in range(3):
         nearest += (position[s, axis] - target[axis]) ** 2
     for _ in range(MAX_WALK_STEPS):
         best = NONE
         for moving in range(2):
-            if not can_release(branch_sets[moving], tables.releasable[here, moving]):
+            if not can_release(branch_sets[moving], tables.releasable[current, moving]):
                 continue
-            for e in range(start[2 * here + moving], start[2 * here + moving + 1]):
+            for e in range(start[2 * current + moving], start[2 * current + moving + 1]):
                 if kept_on_edge(branch_sets[1 - moving], kept[e]):
                     square = 0.0
                     for axis in range(3):
@@ -172,13 +172,19 @@ def _walk_towards(
                         nearest, best = square, e
         if best < 0:
             break
-        second = best >= start[2 * here + 1]
-        here = after[best]
+        second = best >= start[2 * current + 1]
+        current = after[best]
         if second:
-            branch_sets = kept_on_edge(branch_sets[0], kept[best]), int(tables.releasable[here, 1])
+            branch_sets = (
+                kept_on_edge(branch_sets[0], kept[best]),
+                int(tables.releasable[current, 1]),
+            )
         else:
-            branch_sets = int(tables.releasable[here, 0]), kept_on_edge(branch_sets[1], kept[best])
-    return here
+            branch_sets = (
+                int(tables.releasable[current, 0]),
+                kept_on_edge(branch_sets[1], kept[best]),
+            )
+    return current
 
 
 def draw_task_with_tables(
@@ -259,13 +265,13 @@ def draw_tasks(
             side = position[s, axis] - middle
             if axis >= 0 and side * (target[axis] - middle) >= 0.0:
                 continue
-            here = _walk_towards(s, (set0, set1), target, position, tables)
+            end = _walk_towards(s, (set0, set1), target, position, tables)
             away, inside = 0.0, True
             for i in range(3):
-                away += (position[here, i] - position[s, i]) ** 2
-                goals[k, i] = position[here, i]
-                inside = inside and cabin[0, i] <= position[here, i] <= cabin[1, i]
-            if axis >= 0 and side * (position[here, axis] - middle) >= 0.0:
+                away += (position[end, i] - position[s, i]) ** 2
+                goals[k, i] = position[end, i]
+                inside = inside and cabin[0, i] <= position[end, i] <= cabin[1, i]
+            if axis >= 0 and side * (position[end, axis] - middle) >= 0.0:
                 continue
             if inside and away > tolerance * tolerance:
                 found = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, NotRequired, TypedDict, cast
+from typing import NamedTuple, NotRequired, TypedDict, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -85,21 +85,19 @@ def observation_of(
 
     With `layouts` it has `occupied`, as in `observation_space`.
     """
-    stance = np.array(state.stance, dtype=np.int64)
-    grasps = graph.grasp_map.positions[stance].ravel().astype(np.float32)
-    position = np.array(properties.base_position, dtype=np.float32)
-    turn = properties.quaternion.astype(np.float32)
-    branches = BRANCH_BITS.take(state.branch_sets, axis=0).ravel()
-    seen = _as_observation(stance, grasps, position, turn, goal.astype(np.float32), branches)
+    stance, grasps, position, turn = properties.seen
+    seen: Observation = {
+        "stance": stance.copy(),
+        "grasps": grasps.copy(),
+        "base_position": position.copy(),
+        "base_quaternion": turn.copy(),
+        "goal": goal.astype(np.float32),
+        "branches": BRANCH_BITS.take(state.branch_sets, axis=0).ravel(),
+    }
     if layouts:
         seen["occupied"] = np.zeros(len(graph.grasp_map), dtype=np.int8)
         seen["occupied"][list(graph.occupied)] = 1
     return seen
-
-
-def _as_observation(*parts: NDArray[Any]) -> Observation:
-    """Return the parts of an observation, in the order of its fields, by name."""
-    return cast(Observation, dict(zip(FIELDS, parts, strict=False)))
 
 
 class ObservationTable(NamedTuple):
@@ -164,7 +162,7 @@ class ObservationArrays(NamedTuple):
 
     def observation(self) -> Observation:
         """Return the part that agents observe."""
-        return _as_observation(*self[:6])
+        return cast(Observation, dict(zip(FIELDS, self[:6], strict=False)))
 
 
 @entry

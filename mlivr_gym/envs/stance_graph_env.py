@@ -157,7 +157,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
             "steps": self.steps,
             "limb_manipulability": properties.w_m.copy(),
             "base_manipulability": properties.w_b,
-            "action_mask": self._mask.astype(np.int8),
+            "action_mask": self._mask.view(np.int8).copy(),
             "is_success": self._distance <= self.goal_tolerance,
             "invalid_action": invalid,
             **self._simulation_info,
@@ -173,7 +173,8 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
     def _record_event(self, caption: str, simulated: Motion | None) -> None:
         """Store what happened last, and show it if the render mode does."""
         self._last_event = caption, simulated
-        self.viewer.follow(self.snapshot, self.render_mode)
+        if self.render_mode is not None:
+            self.viewer.follow(self.snapshot, self.render_mode)
 
     def render(self) -> Any:
         """Return a picture, a list of pictures, or None, by the render mode.

@@ -120,15 +120,15 @@ def _solution(arm: Chain, flange: FlangeAxis, branch: int, slack: float) -> tupl
     if form.kind == NUMERIC:
         return numeric.solution(arm, flange, branch)
     if form.kind == THREE_PARALLEL:
-        there, found = three_parallel.form_bend(form, flange, branch, slack)
-        bend = _of_arm(form, found)
+        there, solution = three_parallel.form_bend(form, flange, branch, slack)
+        bend = _of_arm(form, solution)
     elif form.from_flange:
         seen = _mount_seen(flange, _across(flange.z))
-        there, found = spherical_wrist.form_bend(form, seen, branch, slack)
-        bend = _with_first(arm, flange, _of_arm(form, found))
+        there, solution = spherical_wrist.form_bend(form, seen, branch, slack)
+        bend = _with_first(arm, flange, _of_arm(form, solution))
     else:
-        there, found = spherical_wrist.form_bend(form, flange, branch, slack)
-        bend = _of_arm(form, found)
+        there, solution = spherical_wrist.form_bend(form, flange, branch, slack)
+        bend = _of_arm(form, solution)
     if there and form.deviates:
         return numeric.refined(arm, flange, bend)
     return there, bend

@@ -203,10 +203,10 @@ def _check_kept(k: int, step: Step, kept: dict[int, int], bits: IntArray) -> Non
     """Check that each support limb keeps its bit on step k, of which `kept` tells, shape (N,)."""
     for i, bit in enumerate(bits.tolist()):
         if i != step.limb and not kept.get(i, 0) >> bit & 1:
-            able = sorted({b % 8 for b in bits_of(kept.get(i, 0))})
+            branches = sorted({b % 8 for b in bits_of(kept.get(i, 0))})
             raise PlanError(
                 f"motion.steps[{k}] moves limb {step.limb} to {step.to_point!r}; limb {i} is "
-                f"on branch {bit % 8} and could follow the base on {able or 'none'}"
+                f"on branch {bit % 8} and could follow the base on {branches or 'none'}"
             )
 
 
@@ -254,13 +254,13 @@ def _check_joint_path(place: str, path: JointPath) -> None:
 def _same_swing(graph: StanceGraph, expected: CommittedMotion, k: int, step: Step) -> Step:
     """Return step `k` with the clear swing that a plan may have chosen, or that it should have."""
     assert expected.motion is not None
-    found = expected.motion.steps[k]
-    if graph.settings.transitions and not _is_along(step, found):
+    expected_step = expected.motion.steps[k]
+    if graph.settings.transitions and not _is_along(step, expected_step):
         ends = StepEnds.of(graph, expected.motion, k)
         for path, swing in commitments(graph, ends):
-            if path is not None and _is_along(step, step_along(found, path, swing)):
-                return step_along(found, path, swing)
-    return found
+            if path is not None and _is_along(step, step_along(expected_step, path, swing)):
+                return step_along(expected_step, path, swing)
+    return expected_step
 
 
 def _is_along(step: Step, other: Step) -> bool:

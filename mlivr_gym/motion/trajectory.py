@@ -194,14 +194,14 @@ def trajectory(
     joints = np.empty((count, *path.knots.shape[1:]))
     speeds, accelerations = np.empty((2, count, 6 + joints[0].size))
     for k, (segment, scaling) in enumerate(zip(path.segments, timed.time_scalings, strict=True)):
-        here = part == k
-        since = np.clip(times[here] / slower - starts[k], 0.0, scaling.x[-1])
+        on_part = part == k
+        since = np.clip(times[on_part] / slower - starts[k], 0.0, scaling.x[-1])
         sigma = np.clip(scaling(since), 0.0, 1.0)
-        joints[here] = segment.joints_at(sigma)
+        joints[on_part] = segment.joints_at(sigma)
         rate, change = scaling(since, 1) / slower, scaling(since, 2) / slower**2
         first, second = segment.curve(sigma, 1), segment.curve(sigma, 2)
-        speeds[here] = rate[:, None] * first
-        accelerations[here] = change[:, None] * first + rate[:, None] ** 2 * second
+        speeds[on_part] = rate[:, None] * first
+        accelerations[on_part] = change[:, None] * first + rate[:, None] ** 2 * second
     positions, rotations = path.base(joints)
     _check_limits(path.robot.joint_limits, joints, times)
     before, after = ([grasp_map.index(point) for point in stance] for stance in stances)

@@ -214,27 +214,27 @@ class PostureSolver:
         if rules["is_given"] or rules["among_boxes"]:
             codes = np.arange(count)
         _, one, same = np.unique(codes, return_index=True, return_inverse=True)
-        found = Posture.rows(len(one))
+        postures = Posture.rows(len(one))
         bases = given if is_given else Pose.rows(1)
         least = COMBINATIONS_IN_THREADS // BRANCHES**limbs
         with SCRATCH.borrowed() as rows:
             in_parallel(
-                len(one), solve_all, stances[one], bases, world, found, scratch_rows=rows,
+                len(one), solve_all, stances[one], bases, world, postures, scratch_rows=rows,
                 least=least,
             )  # fmt: skip
-        found = found[same]
-        number = np.full(count, -1) if is_given else found["pose_number"].copy()
+        postures = postures[same]
+        number = np.full(count, -1) if is_given else postures["pose_number"].copy()
         if not is_given:
             bases = Pose.rows(count)
             set_bases(stances, number, world.points, rules, StanceGeometry.rows(1), bases)
             bases[number < 0] = np.zeros((), Pose.dtype)
         w_m, branch, branch_sets = (
-            relabelled(found[name][:, :limbs], -first % limbs)
+            relabelled(postures[name][:, :limbs], -first % limbs)
             for name in ("w_m", "branch", "branch_sets")
         )
         return Postures(
-            bases["position"].copy(), bases["rotation"].copy(), w_m, found["w_b"].copy(), branch,
-            branch_sets, number, found["cause"].copy(),
+            bases["position"].copy(), bases["rotation"].copy(), w_m, postures["w_b"].copy(), branch,
+            branch_sets, number, postures["cause"].copy(),
         )  # fmt: skip
 
     def _avoid_boxes(self, stances: IntArray, postures: Postures, rules: Any) -> None:

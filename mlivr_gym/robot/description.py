@@ -119,11 +119,11 @@ class Description:
             name = self.name_of(body)
             self.tools.setdefault(name, Tool(body, np.eye(4), name))
 
-    def nearest(self, some: Collection[int]) -> IntArray:
+    def nearest(self, links: Collection[int]) -> IntArray:
         """Return for each body which of some is the nearest that carries it, or is it; else 0."""
         found = np.zeros(self.model.nbody, dtype=np.int64)
         for body in range(1, len(found)):
-            found[body] = body if body in some else found[self.parent(body)]
+            found[body] = body if body in links else found[self.parent(body)]
         return found
 
     def parent(self, body: int) -> int:

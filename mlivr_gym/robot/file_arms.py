@@ -128,16 +128,16 @@ def _longest(file: Description, body: int) -> list[int]:
     """
     chain = [body]
     while True:
-        here = chain[-1]
-        after = [one for one in file.after(here) if not _is_of_gripper(file, one, chain)]
+        end = chain[-1]
+        after = [one for one in file.after(end) if not _is_of_gripper(file, one, chain)]
         is_whole = len(chain) >= JOINTS and (len(after) != 1 or not file.is_hinge(after[0]))
-        ends = len(chain) >= SHORTEST_ARM and _usual_tool(file, here) is not None
+        ends = len(chain) >= SHORTEST_ARM and _usual_tool(file, end) is not None
         if not after or is_whole or ends:
             return chain
         if len(after) > 1:
             names = ", ".join(repr(file.name_of(one)) for one in after)
             raise RobotError(
-                f"the chain of joints branches after link {file.name_of(here)!r} into {names}; "
+                f"the chain of joints branches after link {file.name_of(end)!r} into {names}; "
                 "name the last link of each limb with tips"
             )
         chain += after

@@ -73,8 +73,8 @@ class CheckedEdges(NamedTuple):
 
     def all_edges(self) -> tuple[IntArray, NDArray[np.uint64]]:
         """Return the numbers of all edges and the branch sets kept on them, shape (k,) each."""
-        some = self.keys != EMPTY
-        return self.keys[some], self.kept[some]
+        is_used = self.keys != EMPTY
+        return self.keys[is_used], self.kept[is_used]
 
     def contains(self, edges: IntArray) -> BoolArray:
         """Return whether edges were looked at or checked, by their numbers, shape (k,)."""

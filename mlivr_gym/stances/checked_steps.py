@@ -189,10 +189,12 @@ class CheckedSteps(ChangingWorld):
     def successors_by_pieces(self, state: State, pieces: Pieces) -> Successors:
         """Return all steps that leave a state, checked piece by piece."""
         stances, postures = self.neighbouring_nodes(state.stance, pieces)
-        here, found = self.posture_of(state), [postures.branch_sets[:0]]
+        posture, found = self.posture_of(state), [postures.branch_sets[:0]]
         for piece in pieces("steps", len(stances)):
             after, first = stances[piece], np.zeros(len(stances[piece]), dtype=np.int64)
-            found.append(self.branch_sets_after([state], here, first, after, postures.take(piece)))
+            found.append(
+                self.branch_sets_after([state], posture, first, after, postures.take(piece))
+            )
         branch_sets = np.concatenate(found)
         kept = branch_sets.all(axis=1)
         limb = (stances[kept] != state.stance).argmax(axis=1)
@@ -209,19 +211,19 @@ class CheckedSteps(ChangingWorld):
         what supports keep without obstacles.
         """
         world = self.checks.world(self.obstacle_grid, obstacles_only=are_free)
-        able = np.arange(len(steps))
+        possible = np.arange(len(steps))
         if not are_free and not stances.releases["known"].all():
             # Releases take longer to compute than whether the support limbs can follow.
-            able = np.flatnonzero(self.checks.can_follow(steps, stances, world))
+            possible = np.flatnonzero(self.checks.can_follow(steps, stances, world))
         if self.settings.collisions:
-            able = self._releasable_steps(stances, steps, able, before)
-        chosen = steps[able]
+            possible = self._releasable_steps(stances, steps, possible, before)
+        chosen = steps[possible]
         self.checks.check(chosen, stances, world)
-        kept, limb = chosen["kept"][:, : self.limbs] & before[able], chosen["limb"]
+        kept, limb = chosen["kept"][:, : self.limbs] & before[possible], chosen["limb"]
         branch_sets: IntArray = np.zeros((len(steps), self.limbs), dtype=np.int64)
-        branch_sets[able] = kept
+        branch_sets[possible] = kept
         grasped = stances.releases["branches"] if self.settings.collisions else stances.branch_sets
-        branch_sets[able, limb] = grasped[chosen["after"], limb]
+        branch_sets[possible, limb] = grasped[chosen["after"], limb]
         branch_sets[~branch_sets.all(axis=1)] = 0
         return branch_sets
 

@@ -7,9 +7,10 @@ two. An action is `limb * m + point` on a map of m points.
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mlivr_gym.arrays import Array, BoolArray
 from mlivr_gym.kinematics.poses import quaternion
@@ -31,8 +32,9 @@ class StanceProperties(NamedTuple):
     """Point id of each limb."""
     base_position: tuple[float, ...]
     """Base position x, y, z in the world [m]."""
-    quaternion: Array
-    """Base orientation in the world w, x, y, z, shape (4,)."""
+    seen: tuple[NDArray[Any], ...]
+    """What an observation has: points held, their positions, limb by limb [m], base position [m]
+    and orientation w, x, y, z in the world, shapes (N,), (3 N,), (3,), (4,)."""
     w_m: Array
     """Limb manipulability, shape (N,)."""
     w_b: float
@@ -65,10 +67,19 @@ class Moves(Protocol):
 def _properties(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
     """Return the properties of a stance, of which `posture` is the posture."""
     position = tuple(posture.base_position[0].tolist())
-    orientation = quaternion(posture.base_rotation[0])
+    seen = _seen(graph, stance, position, quaternion(posture.base_rotation[0]))
     return StanceProperties(
-        graph.ids(stance), position, orientation, posture.w_m[0], float(posture.w_b[0])
+        graph.ids(stance), position, seen, posture.w_m[0], float(posture.w_b[0])
     )
+
+
+def _seen(
+    graph: StanceGraph, stance: tuple[int, ...], position: tuple[float, ...], turn: Array
+) -> tuple[NDArray[Any], ...]:
+    """Return what an observation has of a stance, see `StanceProperties`."""
+    points = np.array(stance, dtype=np.int64)
+    grasps = graph.grasp_map.positions[points].ravel()
+    return points, *(np.array(one, dtype=np.float32) for one in (grasps, position, turn))
 
 
 class GraphMoves:
@@ -173,10 +184,11 @@ class TableMoves:
             return self._from_given_pose.stance_properties(state)
         found = self._properties.get(state.stance)
         if found is None:
-            ids, s = self.graph.grasp_map.ids, int(self.stance_at[state.stance])
-            base, orientation = tuple(self.tables.base_position[s].tolist()), self._quaternions[s]
-            stance = tuple(ids[point] for point in state.stance)
-            found = StanceProperties(stance, base, orientation, self._w_m[s], self._w_b[s])
+            graph, stance = self.graph, state.stance
+            s = int(self.stance_at[stance])
+            base = tuple(self.tables.base_position[s].tolist())
+            seen = _seen(graph, stance, base, self._quaternions[s])
+            found = StanceProperties(graph.ids(stance), base, seen, self._w_m[s], self._w_b[s])
             self._properties[state.stance] = found
         return found
 

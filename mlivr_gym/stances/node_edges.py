@@ -100,9 +100,9 @@ def kept_by_table(table: NodeTable, edges: IntArray) -> NDArray[np.uint64]:
     kept = _shared(table, before, i) & _shared(table, after, j)
     word, bit = edges // WORD, (edges % WORD).astype(np.uint64)
     one, loses = np.uint64(1), table.loses_branches[word]
-    some = np.flatnonzero(loses >> bit & one)
+    losing = np.flatnonzero(loses >> bit & one)
     rank = table.ranks[word] + np.bitwise_count(loses & ((one << bit) - one))
-    kept[some] &= ~table.lost[rank[some]]
+    kept[losing] &= ~table.lost[rank[losing]]
     kept[(table.joined[word] >> bit & one) == 0] = NO_BRANCHES
     return kept
 
@@ -233,13 +233,13 @@ def with_edges(table: NodeTable, known: EdgeSet) -> NodeTable:
 def edges_of(table: NodeTable) -> EdgeSet:
     """Return all edges of a table, the inverse of `with_edges`."""
     support_sets, steps = len(table.offset) - 1, int(np.bitwise_count(table.joined).sum()) // 2
-    found = EdgeSet(
+    edge_set = EdgeSet(
         np.zeros(count_node_pairs(table, NodePair.before(table, 0), support_sets), dtype=np.bool_),
         np.zeros(steps, dtype=np.bool_),
         np.zeros(len(table.lost) // 2, dtype=np.uint64),
     )
-    _get(table, NodePair.before(table, 0), support_sets, found)
-    return found
+    _get(table, NodePair.before(table, 0), support_sets, edge_set)
+    return edge_set
 
 
 @entry

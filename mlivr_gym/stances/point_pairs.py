@@ -27,17 +27,17 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
     Raises a `MapError` if there are more than `MOST_PAIRS`, or about more than `MOST_STEPS` between
     them.
     """
-    positions, limit, found, count = grasp_map.positions, span + 1e-9, [], 0
+    positions, limit, chunks, count = grasp_map.positions, span + 1e-9, [], 0
     # SciPy's tree is quicker on large maps, but takes longer to import than all pairs of a station.
     along = positions[:, np.ptp(positions, axis=0).argmax()]
     order = np.argsort(along, kind="stable")
     ordered, last = positions[order], np.searchsorted(along[order], along[order] + limit, "right")
     for first in range(0, len(order), CHUNK):
-        some = ordered[first : first + CHUNK]
-        others = ordered[first : last[first + len(some) - 1]]
-        apart = np.linalg.norm(some[:, None] - others, axis=2)
-        found.append(order[first + np.argwhere(np.triu(apart <= limit, 1))])
-        count += 2 * len(found[-1])
+        chunk = ordered[first : first + CHUNK]
+        others = ordered[first : last[first + len(chunk) - 1]]
+        apart = np.linalg.norm(chunk[:, None] - others, axis=2)
+        chunks.append(order[first + np.argwhere(np.triu(apart <= limit, 1))])
+        count += 2 * len(chunks[-1])
         if count > MOST_PAIRS:
             break
     steps = 2 * count**2 // len(positions)
@@ -48,7 +48,7 @@ def pairs_within(grasp_map: GraspMap, span: float) -> IntArray:
             f"with about {steps} steps between them; at most {MOST_PAIRS} and {MOST_STEPS} can be "
             "used: choose a larger spacing or a smaller span"
         )
-    return np.concatenate(found)
+    return np.concatenate(chunks)
 
 
 def count_farther(grasp_map: GraspMap, robot: RobotSpec) -> int:

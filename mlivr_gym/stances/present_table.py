@@ -221,12 +221,12 @@ class PresentTable:
         """Look at edges that are known without obstacles, in a few places each."""
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept = kept_by_table(self.table, edges)
-        some = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
-        steps, stances, _ = self._steps(edges[some], kept[some])
+        at_obstacles = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))
+        steps, stances, _ = self._steps(edges[at_obstacles], kept[at_obstacles])
         world = graph.checks.world(graph.obstacle_grid, obstacles_only=True)
         graph.checks.look(steps, stances, world)
-        self.check_effort += EDGE_EFFORT * len(some)
-        kept[some] = _of_supports(steps["kept"][:, : graph.limbs], steps["limb"])
+        self.check_effort += EDGE_EFFORT * len(at_obstacles)
+        kept[at_obstacles] = _of_supports(steps["kept"][:, : graph.limbs], steps["limb"])
         self._record(ends, edges, back, kept, is_exact=False)
 
     def _check(self, edges: IntArray) -> None:

@@ -114,16 +114,17 @@ class StanceGraph(StancePostures):
         a `SettingError` if the pose or the joint angles are not valid numbers.
         """
         points = self.indices(stance)
-        here = None if pose is None else given_pose(pose)
+        base_pose = None if pose is None else given_pose(pose)
         angles = None if joints is None else given_joints(self.robot, joints)
-        posture = self.posture(points) if here is None else self._posture_at(points, here)
+        posture = self.posture(points) if base_pose is None else self._posture_at(points, base_pose)
         if not self.is_node(posture)[0]:
-            raise StanceError(
-                f"stance {self.ids(points)} cannot be held: {self._fault(points, posture, here)}"
-            )
+            fault = self._fault(points, posture, base_pose)
+            raise StanceError(f"stance {self.ids(points)} cannot be held: {fault}")
         if angles is not None:
-            return State(points, branch_sets_of_joints(self.solver, points, posture, angles), here)
-        return State(points, tuple(int(m) for m in posture.branch_sets[0]), here)
+            return State(
+                points, branch_sets_of_joints(self.solver, points, posture, angles), base_pose
+            )
+        return State(points, tuple(int(m) for m in posture.branch_sets[0]), base_pose)
 
     def validated_state(self, state: State) -> State:
         """Check that a state of a user is one of this graph, and return it.
@@ -288,14 +289,19 @@ class StanceGraph(StancePostures):
         if not self.lists_all or not self.settings.transitions:
             return np.ones(len(steps.limb), dtype=np.bool_)
         stances = steps.stances(state)
-        able = self.all_releases(stances, self.postures(stances))["branches"] & steps.branch_sets
-        able[np.arange(len(stances)), steps.limb] = 0
-        return np.asarray(able.any(axis=1))
+        releasable = (
+            self.all_releases(stances, self.postures(stances))["branches"] & steps.branch_sets
+        )
+        releasable[np.arange(len(stances)), steps.limb] = 0
+        return np.asarray(releasable.any(axis=1))
 
     def neighbouring_nodes(
         self, stance: tuple[int, ...], pieces: Pieces = at_once
     ) -> tuple[IntArray, Postures]:
-        """Return the neighbouring nodes of a stance, see `StanceGraph.neighbouring_nodes`."""
+        """Return the nodes one move from a stance, shape (k, N), and their postures.
+
+        They are computed in the pieces that `pieces` yields.
+        """
         self.check_stance(stance)
         stances = self._neighbouring(stance, range(self.limbs))
         found = [self.nodes(stances[piece]) for piece in pieces("postures", len(stances))]
@@ -308,7 +314,7 @@ class StanceGraph(StancePostures):
 
         Neither their postures nor the steps to them are checked.
         """
-        able = [
+        releasable = [
             limb
             for limb in range(self.limbs)
             if not self.settings.transitions
@@ -316,7 +322,7 @@ class StanceGraph(StancePostures):
                 state.branch_sets[limb], self.releasable_branches(state.stance, posture, limb)
             )
         ]
-        return self._neighbouring(state.stance, able)
+        return self._neighbouring(state.stance, releasable)
 
     def _neighbouring(self, stance: tuple[int, ...], limbs: Iterable[int]) -> IntArray:
         """Return the stances after moves of some limbs to points that their others allow, (k, N).
@@ -326,10 +332,10 @@ class StanceGraph(StancePostures):
         after = [np.zeros((0, self.limbs), dtype=np.int64)]
         for limb in limbs:
             others = [point for i, point in enumerate(stance) if i != limb]
-            able = np.flatnonzero(self.compatible[others].all(axis=0))
-            able = able[able != stance[limb]]
-            after.append(np.tile(np.array(stance, dtype=np.int64), (len(able), 1)))
-            after[-1][:, limb] = able
+            compatible = np.flatnonzero(self.compatible[others].all(axis=0))
+            compatible = compatible[compatible != stance[limb]]
+            after.append(np.tile(np.array(stance, dtype=np.int64), (len(compatible), 1)))
+            after[-1][:, limb] = compatible
         stances = np.concatenate(after)
         if self.table is None:
             return stances

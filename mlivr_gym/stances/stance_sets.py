@@ -92,16 +92,16 @@ def _computed(graph: StancePostures, progress: Progress | None) -> StanceSets | 
     counts = np.zeros(len(compatible), dtype=np.int64)
     if not count_sets(compatible, limbs, MOST_SETS, counts):
         return None
-    found = [np.zeros((0, limbs), dtype=np.uint16)]
+    blocks = [np.zeros((0, limbs), dtype=np.uint16)]
     done, every = 0, max(int(counts.sum()), 1)
     for first in np.flatnonzero(counts).tolist():
         sets = np.empty((counts[first], limbs), dtype=np.int64)
         sets_from(compatible, first, sets)
-        found.append(sets[graph.solver.in_reach(sets)].astype(np.uint16))
+        blocks.append(sets[graph.solver.in_reach(sets)].astype(np.uint16))
         done += len(sets)
         if progress is not None:
             progress(done / every)
-    points = np.concatenate(found)
+    points = np.concatenate(blocks)
     support_sets = np.stack([codes(np.delete(points, i, axis=1)) for i in range(limbs)], axis=1)
     distinct, numbers = np.unique(support_sets, return_inverse=True)
     return StanceSets(points, numbers.reshape(support_sets.shape).astype(np.int32), len(distinct))

@@ -96,9 +96,9 @@ def _gathered(table: NodeTable, base_position: Array) -> StepTables:
     edges = every_edge(table)
     (before, moving), (after, _), _ = edge_ends(table, edges)
     kept, points = kept_by_table(table, edges), table.points.astype(np.int32)
-    able = unpacked(table.branch_sets[after], 2)[np.arange(len(edges)), moving] != 0
+    can_grasp = unpacked(table.branch_sets[after], 2)[np.arange(len(edges)), moving] != 0
     order = np.lexsort((points[after, moving], moving, before))
-    order = order[(kept[order] != 0) & able[order]]
+    order = order[(kept[order] != 0) & can_grasp[order]]
     counts = np.bincount(2 * before[order] + moving[order], minlength=2 * len(points))
     start = np.concatenate([np.zeros(1, dtype=np.int64), np.cumsum(counts)])
     branch_sets, releasable = (

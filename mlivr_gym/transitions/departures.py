@@ -123,7 +123,7 @@ def _off_normal(limb: LimbModel, at_grasp: FlangeAxis, to: Departure) -> float:
 @kernel
 def _flips_in_windows(limb: LimbModel, branch: int, to: Departure) -> int:
     """Return a branch with those flips with which every knot is in the joint windows."""
-    found, window = EMPTY, limb.arm.window
+    flips, window = EMPTY, limb.arm.window
     for flip in range(2):
         inside = True
         for j in range(6):
@@ -134,8 +134,8 @@ def _flips_in_windows(limb: LimbModel, branch: int, to: Departure) -> int:
                 inside = inside and window[j, 0] - LIMIT_TOLERANCE <= q
                 inside = inside and q <= window[j, 1] + LIMIT_TOLERANCE
         if inside:
-            found |= only(branch + BRANCHES * flip)
-    return found
+            flips |= only(branch + BRANCHES * flip)
+    return flips
 
 
 @late_entry

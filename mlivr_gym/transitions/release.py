@@ -284,7 +284,7 @@ def _fold(
             folded(robot, other, 0.0, scratch.end)
             if _line_clear(limb, scratch.start, scratch.end, context, layer, scratch):
                 changeable |= only(other)
-        able = EMPTY
+        reachable_folds = EMPTY
         for b in range(BRANCHES):
             if not has_branch(free, b):
                 continue
@@ -294,11 +294,11 @@ def _fold(
                     continue
                 folded(robot, fold, q.q[5], scratch.end)
                 if _line_clear(limb, q, scratch.end, context, layer, scratch):
-                    able |= both_flips(b)
+                    reachable_folds |= both_flips(b)
                     answer.via[b] = fold
                     break
-        if able & free:
-            answer.branches, answer.folds, answer.root = able & free, changeable, root
+        if reachable_folds & free:
+            answer.branches, answer.folds, answer.root = reachable_folds & free, changeable, root
             return
 
 
@@ -330,11 +330,11 @@ def _connected_by_lines(
                         group[c] = group[a]
     best, most = EMPTY, 0
     for a in range(BRANCHES):
-        here, count = EMPTY, 0
+        reached, count = EMPTY, 0
         for b in range(BRANCHES):
             if group[b] == group[a] and has_branch(free, b):
-                here |= both_flips(b)
+                reached |= both_flips(b)
                 count += 1
         if count > most and has_branch(free, a):
-            best, most = here & free, count
+            best, most = reached & free, count
     return best

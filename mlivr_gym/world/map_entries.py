@@ -114,25 +114,25 @@ POINTS = Fields(
 
 def whole_fields(given: Mapping[str, Any], place: FieldPath) -> dict[str, Any]:
     """Return the fields of a `GraspMap` as `POINTS` reads them, checked against each other."""
-    found = {
+    fields = {
         name: kind.read(given[name], place.field(name)) for name, kind in POINTS.required.items()
     }
-    if not found["ids"]:
+    if not fields["ids"]:
         raise place.fault("has no graspable point")
-    check_unique(found["ids"], "point", MapError)
-    check_unique([box.id for box in found["boxes"]], "box", MapError)
-    count = len(found["ids"])
+    check_unique(fields["ids"], "point", MapError)
+    check_unique([box.id for box in fields["boxes"]], "box", MapError)
+    count = len(fields["ids"])
     for name in ("faces", "positions", "rotations"):
-        if len(found[name]) != count:
-            raise place.field(name).fault(f"are {len(found[name])}, of {count} points")
-    faulty = np.flatnonzero(~are_rotations(found["rotations"]))
+        if len(fields[name]) != count:
+            raise place.field(name).fault(f"are {len(fields[name])}, of {count} points")
+    faulty = np.flatnonzero(~are_rotations(fields["rotations"]))
     if len(faulty):
         first = place.field("rotations").entry(int(faulty[0]))
         raise first.fault("must be a right-handed rotation matrix")
-    low, high = found["cabin"]
+    low, high = fields["cabin"]
     if not (low < high).all():
-        raise place.field("cabin").fault(f"{found['cabin'].tolist()} must have its min below max")
-    return found
+        raise place.field("cabin").fault(f"{fields['cabin'].tolist()} must have its min below max")
+    return fields
 
 
 def plain_fields(given: Mapping[str, Any]) -> dict[str, Any]:

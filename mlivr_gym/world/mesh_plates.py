@@ -48,7 +48,7 @@ def flat_parts(corners: Array, resolution: float) -> tuple[list[Plates], Array]:
     Along a plate its edges exceed the triangles by less than a cube of the edge `resolution` [m].
     Triangles are given by their corners, shape (t, 3, 3) [m].
     """
-    found = []
+    parts = []
     for _ in range(MOST_FRAMES):
         sizes = areas(corners)
         is_last = sizes.max(initial=0.0) < LEAST_AREA * resolution**2
@@ -58,11 +58,11 @@ def flat_parts(corners: Array, resolution: float) -> tuple[list[Plates], Array]:
         is_flat = (thickness <= 0.25 * PADDING) & (width >= 4.0 * PADDING)
         if is_flat.any():
             low, high = _plates(turned[is_flat], resolution)
-            found.append(Plates(rotation, low - PADDING, high + PADDING))
+            parts.append(Plates(rotation, low - PADDING, high + PADDING))
         corners = corners[~is_flat]
         if is_last:
             break
-    return found, corners
+    return parts, corners
 
 
 def _frame(corners: Array) -> Array:

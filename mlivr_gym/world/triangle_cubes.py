@@ -27,9 +27,9 @@ def cubes_of_triangles(corners: Array) -> Iterator[tuple[IntArray, Array]]:
         first = np.floor(bounds[:, 0] - 1e-9).astype(np.int64)
         size = np.floor(bounds[:, 1] + 1e-9).astype(np.int64) - first + 1
         for shape in np.unique(size, axis=0):
-            some = np.flatnonzero((size == shape).all(axis=1))
+            of_shape = np.flatnonzero((size == shape).all(axis=1))
             offsets = np.argwhere(np.ones(shape, dtype=np.bool_))
-            for part in np.array_split(some, 1 + len(some) * len(offsets) // 200_000):
+            for part in np.array_split(of_shape, 1 + len(of_shape) * len(offsets) // 200_000):
                 cubes = first[part][:, None] + offsets
                 centres = np.asarray(cubes + 0.5, dtype=np.float64)
                 row, place = np.nonzero(_touches(triangles[part][:, None], centres))

@@ -11,7 +11,7 @@ import start_up
 
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 
-QUICK = ("plan", "simulate")
+QUICK = ("plan", "environment", "simulate")
 """Paths that `make test` runs."""
 
 MOST_FUNCTIONS = {"plan": 80, "environment": 60, "simulate": 90}
@@ -30,8 +30,9 @@ def test_a_second_run_compiles_nothing(path):
     assert start_up.run(path, cache)["functions"] == 0
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("path", MOST_FUNCTIONS)
+@pytest.mark.parametrize(
+    "path", ["plan", *(pytest.param(path, marks=pytest.mark.slow) for path in QUICK[1:])]
+)
 def test_a_first_run_compiles_no_more_than_it_needs(path, tmp_path):
     assert start_up.run(path, tmp_path)["functions"] <= MOST_FUNCTIONS[path]
 

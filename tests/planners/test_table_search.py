@@ -8,10 +8,10 @@ import pytest
 from remembered import STEPS, StepsAskedOnce
 from small_tables import COSTS, goal_at, searching, small_table
 
-from mlivr_gym import Box
+from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import StanceError
 from mlivr_gym.kinematics.poses import quaternion
-from mlivr_gym.planners import SearchOptions
+from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED
@@ -198,3 +198,17 @@ def test_every_method_and_heuristic_decides_and_keeps_its_bound(known):
         graph.remove_obstacles()
         graph.vacate()
     assert any(ends)
+
+
+@pytest.mark.parametrize("cost", ["steps", "base"])
+def test_the_first_plan_does_not_depend_on_what_was_planned_before(cost):
+    """Bounds and checked edges of earlier queries make it sooner, and nothing else."""
+    graph = stance_graph(robot="mlivr3")
+    start = graph.state(("A6a:1", "A6a:8", "A4b:4"))
+    planner, goal = Planner(graph), (2.49, 0.34, 0.66)
+    alone = planner.plan(start, goal, cost).unwrap()
+    proved = planner.plan(start, goal, cost, options=SearchOptions(effort=300_000)).unwrap()
+    assert proved.statistics.cost <= alone.statistics.cost
+    again = planner.plan(start, goal, cost).unwrap()
+    assert again.stances == alone.stances
+    assert again.statistics.cost == alone.statistics.cost

@@ -10,13 +10,13 @@ from mlivr_gym.cli.outputs import all_or_none, check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.benchmark.entry import EPISODES, PICTURE, SUMMARY, BenchmarkEntry
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS
 from mlivr_gym.extensions.benchmark.replay import check
 from mlivr_gym.extensions.benchmark.runner import run as run_policy
 from mlivr_gym.extensions.benchmark.table import markdown_table
 from mlivr_gym.schema import Choice, Integer
 
-OF_RUN = ("policy", "budget", "seeds", "environment", "out")
+OF_RUN = ("policy", "budget", "seeds", "environment", "tasks", "out")
 """Options of `run` alone."""
 
 
@@ -32,6 +32,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--seeds N", text, valid=Integer(1, 100))
     text = "run: the only environment (default: all of the benchmark)"
     option(parser, "--environment ID", text, valid=Choice(ENVIRONMENT_IDS))
+    text = f"run: number of tasks of each environment, for a trial (default: {TASKS})"
+    option(parser, "--tasks N", text, valid=Integer(1, TASKS))
     option(parser, "--out DIR", "run: folder of the entry")
 
 
@@ -82,8 +84,8 @@ def _run(args: argparse.Namespace) -> None:
 
     with Progress("episodes", quiet=args.quiet) as progress:
         entry = run_policy(
-            args.policy, args.budget, args.seeds, names, entry=entry, save=save,
-            progress=progress.show,
+            args.policy, args.budget, args.seeds, names, args.tasks or TASKS, entry=entry,
+            save=save, progress=progress.show,
         )  # fmt: skip
     args.result |= {"folder": folder, "results": entry.summary["results"]}
     for name, result in entry.summary["results"].items():

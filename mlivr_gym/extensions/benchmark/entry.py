@@ -111,8 +111,8 @@ class BenchmarkEntry:
     def joined(self, other: BenchmarkEntry) -> BenchmarkEntry:
         """Return this entry with the environments and seeds of another, which it lacks."""
         rows = tuple(sorted((*self.rows, *other.rows), key=_order))
-        of = {part: (one, k) for one in (self, other) for part, k in one.parts.items()}
-        order = [of[part] for part in BenchmarkEntry({}, rows).parts]
+        sources = {part: (one, k) for one in (self, other) for part, k in one.parts.items()}
+        order = [sources[part] for part in BenchmarkEntry({}, rows).parts]
         told: dict[str, Any] = {by: [one.summary[by][k] for one, k in order] for by in BY_SEED}
         told |= {"seeds": max(row.seed for row in rows) + 1, "results": results_of(rows)}
         return BenchmarkEntry(self.summary | told, rows)
@@ -152,23 +152,23 @@ def _row_of(fields: dict[str, str]) -> EpisodeRow:
 
 def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
     """Return for each environment what is reported: means over its tasks, by seed."""
-    found = {}
+    results = {}
     for name in ENVIRONMENT_IDS:
-        here = [row for row in rows if row.environment == name]
-        if not here:
+        episodes = [row for row in rows if row.environment == name]
+        if not episodes:
             continue
-        seeds = sorted({row.seed for row in here})
-        scores = [np.mean([row.score for row in here if row.seed == seed]) for seed in seeds]
-        times = [t for row in here for t in row.milliseconds]
-        found[name] = {
+        seeds = sorted({row.seed for row in episodes})
+        scores = [np.mean([row.score for row in episodes if row.seed == seed]) for seed in seeds]
+        times = [t for row in episodes for t in row.milliseconds]
+        results[name] = {
             "seeds": len(seeds),
             "score": round(float(np.mean(scores)), 6),
             "score_percentiles": np.percentile(scores, (2.5, 97.5)).round(6).tolist(),
-            "success": round(float(np.mean([row.success for row in here])), 6),
-            "references_proved": round(float(np.mean([row.bound == 1.0 for row in here])), 6),
-            "milliseconds_a_task": round(sum(times) / len(here), 3),
+            "success": round(float(np.mean([row.success for row in episodes])), 6),
+            "references_proved": round(float(np.mean([row.bound == 1.0 for row in episodes])), 6),
+            "milliseconds_a_task": round(sum(times) / len(episodes), 3),
         }
-    return found
+    return results
 
 
 def score_figure(rows: Sequence[EpisodeRow]) -> Any:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-from mlivr_gym.arrays import BoolArray
-from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.extensions.benchmark.entry import (
     BenchmarkEntry,
     BenchmarkError,
@@ -16,22 +14,11 @@ from mlivr_gym.extensions.benchmark.entry import (
     results_of,
 )
 from mlivr_gym.extensions.benchmark.protocol import BUDGETS, TASKS, held_out_tasks
+from mlivr_gym.extensions.benchmark.runner import FunctionPolicy
 from mlivr_gym.settings import check_rules
 
 TOLERANCE = 1e-6
 """Largest difference between a cost that is told and the replayed one."""
-
-
-class Replay:
-    """Policy that takes given actions."""
-
-    def __init__(self, actions: Iterable[int]) -> None:
-        """Take the actions."""
-        self._actions = iter(actions)
-
-    def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the next action; a `StopIteration` if there is none."""
-        return next(self._actions)
 
 
 def check(
@@ -67,16 +54,18 @@ def check(
 def _check_row(row: EpisodeRow) -> None:
     """Replay an episode; the error names what does not follow."""
     place = f"{row.environment}, seed {row.seed}, task {row.task}: "
+    actions = iter(row.actions)
+    replay = FunctionPolicy(lambda observation, mask: next(actions))
     try:
-        found, reference = held_out_tasks(row.environment).run(Replay(row.actions), row.task)
+        episode, reference = held_out_tasks(row.environment).run(replay, row.task)
     except StopIteration:
         text = f"{place}the episode goes on after its {len(row.actions)} actions"
         raise BenchmarkError(text) from None
     told = {"actions": len(row.actions), "success": row.success, "times": len(row.milliseconds)}
-    actions = len(found.actions)
-    _same(f"{place}end", told, {"actions": actions, "success": found.success, "times": actions})
+    count = len(episode.actions)
+    _same(f"{place}end", told, {"actions": count, "success": episode.success, "times": count})
     for name, told_cost, cost in (
-        ("cost", row.cost, -found.total_reward),
+        ("cost", row.cost, -episode.total_reward),
         ("reference", row.reference, reference.cost),
         ("bound", row.bound, reference.bound),
     ):

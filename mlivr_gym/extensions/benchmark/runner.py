@@ -27,7 +27,7 @@ from mlivr_gym.extensions.benchmark.protocol import (
     TrainingEnv,
     held_out_tasks,
 )
-from mlivr_gym.schema import Choice, Integer, ListOf, OrNone
+from mlivr_gym.schema import Choice, FieldPath, Integer, ListOf, OrNone
 from mlivr_gym.settings import GRAPH_RULES
 
 SEEDS = 3
@@ -42,8 +42,9 @@ class FunctionPolicy:
         self._function = function
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action of the function; see `agents.Policy.act`."""
-        return int(self._function(observation, mask))
+        """Return the action of the function; a `SettingError` if it is none."""
+        place = FieldPath("action of the policy", SettingError)
+        return Integer(0, len(mask) - 1).read(self._function(observation, mask), place)
 
 
 def policy_maker(place: str) -> Callable[[], Policy]:
@@ -57,16 +58,16 @@ def policy_maker(place: str) -> Callable[[], Policy]:
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())  # last, so that no file here hides an installed module
     try:
-        found = getattr(import_module(module), name)
+        policy = getattr(import_module(module), name)
     except (ImportError, AttributeError, ValueError) as error:
         raise SettingError(
             f"policy is {shortened(place)}; it must be MODULE:NAME: {error}"
         ) from None
-    if isinstance(found, type) and callable(getattr(found, "act", None)):
-        return found
-    if isinstance(found, type) or not callable(found):
+    if isinstance(policy, type) and callable(getattr(policy, "act", None)):
+        return policy
+    if isinstance(policy, type) or not callable(policy):
         raise SettingError(f"policy {place!r} is neither a function nor a class with 'act'")
-    return lambda: FunctionPolicy(found)
+    return lambda: FunctionPolicy(policy)
 
 
 @checked(
@@ -109,8 +110,8 @@ def run(
     for seed, name in product(range(seeds or (SEEDS if learns else 1)), environments):
         if entry is not None and (name, seed) in entry.parts:
             continue
-        here, rows = held_out_tasks(name), list[EpisodeRow]()
-        training = TrainingEnv(here.env, BUDGETS[budget])
+        held_out, rows = held_out_tasks(name), list[EpisodeRow]()
+        training = TrainingEnv(held_out.env, BUDGETS[budget])
         began = time.process_time()
         policy: Any = make()
         if learns:
@@ -119,7 +120,7 @@ def run(
         if steps > BUDGETS[budget]:
             raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
         for task in range(tasks):
-            rows.append(_row(name, seed, task, here.run(policy, task)))
+            rows.append(_row(name, seed, task, held_out.run(policy, task)))
             if progress is not None:
                 progress(len(rows) + (0 if entry is None else len(entry.rows)))
         spent = round(time.process_time() - began, 3)

@@ -40,22 +40,23 @@ def run(args: argparse.Namespace) -> None:
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
     with Progress("comparing plans", quiet=args.quiet):
-        found = ranked_plans(
+        candidates = ranked_plans(
             Planner(graph), start, goal, best=args.by,
             goal_tolerance=args.tolerance, goal_face=args.goal_face,
         )  # fmt: skip
     rows = []
-    for one in found:
-        price = "" if one.price is None else f", regrasp price {one.price:g} m"
+    for candidate in candidates:
+        price = "" if candidate.price is None else f", regrasp price {candidate.price:g} m"
         print(
-            f"  {one.seconds:5.1f} s, {one.impulse:4.0f} N s, at most {one.peak_force:3.0f} N: "
-            f"{len(one.plan.steps)} steps, {one.plan.base_translation:.3f} m "
-            f"(optimal for cost {one.cost}{price})"
+            f"  {candidate.seconds:5.1f} s, {candidate.impulse:4.0f} N s, "
+            f"at most {candidate.peak_force:3.0f} N: {len(candidate.plan.steps)} steps, "
+            f"{candidate.plan.base_translation:.3f} m "
+            f"(optimal for cost {candidate.cost}{price})"
         )
-        figures = one._asdict() | {"steps": len(one.plan.steps)}
+        figures = candidate._asdict() | {"steps": len(candidate.plan.steps)}
         del figures["plan"]
-        rows.append(figures | {"base_translation": one.plan.base_translation})
+        rows.append(figures | {"base_translation": candidate.plan.base_translation})
     args.result |= {"start": start, "goal": goal, "plans": rows}
     if args.out:
-        found[0].plan.save(args.out)
+        candidates[0].plan.save(args.out)
         print(f"plan: {args.out}")

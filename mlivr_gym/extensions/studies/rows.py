@@ -79,18 +79,18 @@ class _Plans:
         start, goal = drawn_task(graph, self._seed, task, levels["occupied"])
         limit = None if graph.lists_all else levels["time_limit"]
         began = time.perf_counter()
-        found = Planner(graph).plan(start, goal, levels["cost"], time_limit=limit)
+        result = Planner(graph).plan(start, goal, levels["cost"], time_limit=limit)
         row = {
             "start": " ".join(graph.ids(start.stance)),
             **dict(zip(("goal_x", "goal_y", "goal_z"), map(float, goal), strict=True)),
-            "reason": found.reason, "expanded": found.expanded,
+            "reason": result.reason, "expanded": result.expanded,
             "seconds": time.perf_counter() - began,
         }  # fmt: skip
-        if found.plan is None:
+        if result.plan is None:
             return row
         return row | {
-            "steps": len(found.plan.steps), "base_translation": found.plan.base_translation,
-            "bound": found.plan.statistics.bound,
+            "steps": len(result.plan.steps), "base_translation": result.plan.base_translation,
+            "bound": result.plan.statistics.bound,
         }  # fmt: skip
 
     @cached_property

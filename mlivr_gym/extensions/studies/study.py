@@ -78,14 +78,14 @@ def run(args: argparse.Namespace) -> None:
 def combination_means(design: StudyDesign, rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     """Yield counts and means of the runs of each combination of levels."""
     for k, levels in enumerate(design.combinations):
-        found = rows[k * design.tasks : (k + 1) * design.tasks]
-        steps = [row["steps"] for row in found if row.get("steps") is not None]
-        seconds = [row["seconds"] for row in found if row.get("seconds") is not None]
-        errors = [row["error"] for row in found if row["error"]]
+        runs = rows[k * design.tasks : (k + 1) * design.tasks]
+        steps = [row["steps"] for row in runs if row.get("steps") is not None]
+        seconds = [row["seconds"] for row in runs if row.get("seconds") is not None]
+        errors = [row["error"] for row in runs if row["error"]]
         yield {
             "levels": {name: levels[name] for name in design.factors},
-            "runs": len(found),
-            "successes": sum(succeeded(row) for row in found),
+            "runs": len(runs),
+            "successes": sum(succeeded(row) for row in runs),
             "mean_steps": fmean(steps) if steps else None,
             "median_seconds": median(seconds) if seconds else 0.0,
             "errors": len(errors),

@@ -79,10 +79,10 @@ def smallest_changes(
     def steps(world: StanceGraph) -> int | None:
         """Return the fewest steps of a plan in a world, None if there is none."""
         try:
-            here = world.state(world.indices(graph.ids(state.stance)), state.pose)
+            start_state = world.state(world.indices(graph.ids(state.stance)), state.pose)
         except StanceError:
             return None
-        plan = Planner(world).plan(here, goal, "steps", **region).plan
+        plan = Planner(world).plan(start_state, goal, "steps", **region).plan
         return None if plan is None else len(plan.steps)
 
     changes = [*_fewer_obstacles(graph, steps), *_lower_threshold(graph, steps)]

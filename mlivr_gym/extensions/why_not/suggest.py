@@ -33,11 +33,11 @@ def run(args: argparse.Namespace) -> None:
     graph = chosen_graph(args)
     start, goal = chosen_task(graph, args)
     with Progress("trying changes", quiet=args.quiet):
-        found = smallest_changes(
+        changes = smallest_changes(
             graph, start, goal, goal_tolerance=args.tolerance, goal_face=args.goal_face
         )
-    args.result |= {"changes": [change._asdict() for change in found]}
-    if not found:
+    args.result |= {"changes": [change._asdict() for change in changes]}
+    if not changes:
         print("no change of one kind would help: obstacles or limb_threshold")
-    for change in found:
+    for change in changes:
         print(f"a plan of {change.steps} steps exists {change.message}")

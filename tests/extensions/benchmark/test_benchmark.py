@@ -27,7 +27,7 @@ from mlivr_gym.extensions.benchmark import (
 )
 from mlivr_gym.extensions.benchmark.entry import EpisodeRow, results_of
 from mlivr_gym.extensions.benchmark.protocol import HeldOutTasks
-from mlivr_gym.extensions.benchmark.runner import policy_maker
+from mlivr_gym.extensions.benchmark.runner import FunctionPolicy, policy_maker
 from mlivr_gym.files import FileError
 from mlivr_gym.planners import Planner
 from mlivr_gym.settings import GRAPH_RULES
@@ -163,6 +163,17 @@ def test_what_adds_up_passes_and_what_does_not_is_refused(greedy, tmp_path):
             check(folder, TASKS)
 
 
+def test_a_function_must_return_an_action():
+    mask = np.ones(9, dtype=bool)
+    for given, action in (("3", None), (None, None), (9, None), (np.int64(3), 3)):
+        policy = FunctionPolicy(lambda *_, given=given: given)
+        if action is None:
+            with pytest.raises(SettingError, match="action of the policy"):
+                policy.act(None, None, mask)
+        else:
+            assert policy.act(None, None, mask) == action
+
+
 def test_files_beside_a_policy_hide_no_installed_module(monkeypatch, tmp_path):
     """A policy that was downloaded may lie beside files that are called like modules."""
     (tmp_path / "colorsys.py").write_text("raise SystemExit(9)\n")
@@ -172,7 +183,7 @@ def test_files_beside_a_policy_hide_no_installed_module(monkeypatch, tmp_path):
     monkeypatch.setattr(sys, "path", [*sys.path])
     for name in ("colorsys", "own_policy"):
         monkeypatch.delitem(sys.modules, name, raising=False)
-    assert policy_maker("own_policy:act")().act(None, None, None) == 0
+    assert policy_maker("own_policy:act")().act(None, None, np.ones(9, dtype=bool)) == 0
     del sys.modules["own_policy"]
 
 
@@ -330,12 +341,12 @@ def test_the_entries_in_the_repository_are_of_the_present_rules():
     assert (ROOT / "benchmark" / "greedy" / "greedy.py").read_text(encoding="utf-8") in page
 
 
-@pytest.mark.parametrize("name", ["11_benchmark_maskable_ppo", "12_benchmark_cleanrl_ppo"])
+@pytest.mark.parametrize("name", ["11_benchmark_maskable_ppo", "12_benchmark_reinforce"])
 def test_learners_of_the_examples_learn_within_their_budget(name, monkeypatch):
     pytest.importorskip("sb3_contrib")
     monkeypatch.chdir(ROOT)
     monkeypatch.setitem(protocol.BUDGETS, "100k", 1000)
-    kind = "MaskedPPO" if "maskable" in name else "PlainPPO"
+    kind = "MaskedPPO" if "maskable" in name else "Reinforce"
     entry = run(f"examples.{name}:{kind}", "100k", 1, ("MLIVR-JEM-Unknown-v0",), 2)
     assert entry.summary["environment_steps"] == [1000]
     assert all(len(row.actions) == 60 or row.success for row in entry.rows)  # all were valid
