@@ -259,7 +259,7 @@ def test_one_function_writes_all_files():
         ("files.py", "os.replace"),
         ("compiled/machine_code.py", "path.write_text"),  # one number; none if it is damaged
         ("stances/table_files.py", "archive.open"),  # in memory
-        ("extensions/reaction/rank.py", "found[0].plan.save"),  # of a plan
+        ("extensions/reaction/rank.py", "candidates[0].plan.save"),  # of a plan
     }
     root, found = Path(mlivr_gym.__file__).parent, set()
     for folder in (root, *(root / name for name in ("planners", "agents", "envs_assets"))):
