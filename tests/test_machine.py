@@ -4,6 +4,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from machine import MAY_BE_MISSING
 
 ROOT = Path(__file__).parent.parent
@@ -46,6 +47,7 @@ def test_whatever_does_not_need_an_extra_is_imported_without_any():
     assert [name for name in done.stdout.split() if not name.startswith(NEED_EXTRAS)] == []
 
 
+@pytest.mark.slow
 def test_files_that_need_no_missing_package_are_collected():
     """With no package of any extra; the files that import one are skipped, with its name."""
     code = WITHOUT.format(names=sorted(MAY_BE_MISSING)) + COLLECT

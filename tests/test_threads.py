@@ -155,10 +155,10 @@ def test_threads_step_environments_on_one_graph_each_with_its_episode():
                 break
         return out
 
-    truth = [episode(new(), seed) for seed in range(THREADS)]
+    truth = [episode(new(), seed) for seed in range(4)]
     graph = stance_graph()
-    envs = [new(graph) for _ in range(THREADS)]
-    found = in_threads([lambda k=k: episode(envs[k], k) for k in range(THREADS)])
+    envs = [new(graph) for _ in truth]
+    found = in_threads([lambda k=k: episode(envs[k], k) for k in range(4)])
     assert same(found, truth)
 
 
