@@ -22,7 +22,7 @@ from remembered import stances_solved_once
 from shared_graphs import put_back, shared
 from time_limit import MOST, time_limit
 
-from mlivr_gym import GraspMap, Settings, jem_map, stance_graph
+from mlivr_gym import GraspMap, jem_map, stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.compiled.kernels import LateEntry
@@ -138,11 +138,6 @@ def plan(checked_graph):
         checked_graph, (6.3, 0.5, 0.35), ("D2a:4", "D1b:3"), ("D2a:4", "F2b:3"),
         ("F4a:8", "F2b:3"), ("F4a:8", "O5a:3"), ("A6a:7", "O5a:3"), ("A6a:7", "A6a:5"),
     )  # fmt: skip
-
-
-@pytest.fixture(scope="session")
-def kinematic_graph(jem):
-    return shared(stance_graph(jem, settings=Settings(manipulability=False, collisions=False)))
 
 
 @pytest.fixture(scope="session")

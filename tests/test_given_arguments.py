@@ -229,24 +229,14 @@ def arguments(things, page):
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_a_truth_value_is_no_number(things, page):
-    """What takes the one refuses the other."""
-    both = [
-        (title, truth)
-        for title, _, takes in arguments(things, page)
-        for number, truth in NUMBERS
-        if takes(truth) and takes(number)
-    ]
+def test_neither_a_truth_value_nor_an_unknown_name_is_taken_for_another(things, page):
+    """What takes a number refuses a truth value, and what takes one of some names all others."""
+    both, taken = [], set()
+    for title, annotation, takes in arguments(things, page):
+        both += [(title, truth) for number, truth in NUMBERS if takes(truth) and takes(number)]
+        if "str" in annotation and takes("no such name"):
+            taken.add(title.rpartition(" ")[2])
     assert not both
-
-
-@pytest.mark.parametrize("page", PAGES)
-def test_a_name_that_is_none_of_some_is_refused(things, page):
-    taken = {
-        title.rpartition(" ")[2]
-        for title, annotation, takes in arguments(things, page)
-        if "str" in annotation and takes("no such name")
-    }
     assert taken <= FREE
 
 

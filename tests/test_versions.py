@@ -28,7 +28,7 @@ from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import HEAD
 
-OTHERS = (None, 1, GRAPH_RULES + 1, str(GRAPH_RULES))
+OTHERS = (None, GRAPH_RULES + 1)
 
 
 @pytest.fixture(scope="module")
@@ -98,8 +98,6 @@ def test_what_ships_is_of_this_version(env):
     ("place", "value", "said"),
     [
         ("rules", GRAPH_RULES + 1, f"has rules {GRAPH_RULES + 1}, and this version has rules"),
-        ("format", 6, "has format 6, and this version has format 7;"),
-        ("robot", "0" * 16, "is for another robot;"),
         ("map", "0" * 16, "is for another map;"),
         ("settings", asdict(Settings(clearance=0.01)), "is for other settings (clearance);"),
         (None, None, "is damaged, or not of format 7;"),

@@ -35,10 +35,8 @@ def nothing_collected(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "name",
-    ["foo", "", "foo-v", "foo-v1.2", "mlivr jem-v0", "../foo-v0", "/foo-v0", "a//b/foo-v0",
-     "foo-v0\n", "foo-v-1", None, 3, "n" * 300 + "-v0"],
-)  # fmt: skip
+    "name", ["foo", "foo-v1.2", "mlivr jem-v0", "../foo-v0", "foo-v0\n", None, "n" * 300 + "-v0"]
+)
 def test_ids_that_minari_would_refuse_in_the_end_are_refused_first(folder, nothing_collected, name):
     with pytest.raises(SettingError, match="data set") as caught:
         write_dataset(name, 2)
@@ -96,16 +94,6 @@ def test_a_data_set_of_other_rules_is_refused(folder, arguments):
         )
     with pytest.raises(SettingError, match="cannot load data set 'bar-v0'"):
         load_dataset("bar-v0")
-
-
-@pytest.mark.parametrize("error", [OSError, ValueError, KeyError, TypeError])
-def test_whatever_minari_says_of_a_data_set_is_one_error(monkeypatch, error):
-    def failing(_):
-        raise error("half a file")
-
-    monkeypatch.setattr(minari, "load_dataset", failing)
-    with pytest.raises(SettingError, match=r"cannot load data set 'foo-v0': .*half a file"):
-        load_dataset("foo-v0")
 
 
 def test_data_set_holds_optimal_masked_walks_and_rebuilds_its_environment(folder, arguments):

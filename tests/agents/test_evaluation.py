@@ -4,14 +4,12 @@ import itertools
 import math
 from types import SimpleNamespace
 
-import gymnasium
 import numpy as np
 import pytest
 
 from mlivr_gym.agents import EvaluationTask, ExpertPolicy, RandomPolicy, evaluate
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.dynamics import Physics
 
@@ -24,17 +22,6 @@ class First:
 
     def act(self, env, observation, mask):
         return int(np.flatnonzero(mask == self.valid)[0])
-
-
-@pytest.fixture(scope="module")
-def env(small_map):
-    """The small map without collisions; every step is asked of the graph."""
-    return MlivrEnv(map=small_map, collisions=False)
-
-
-@pytest.fixture(scope="module")
-def table_env(small_map):
-    return MlivrEnv(map=small_map, collisions=False)
 
 
 def test_an_episode_that_is_cut_off_is_no_success(env):
@@ -59,18 +46,6 @@ def test_an_invalid_action_is_no_success(env):
     assert not executed
     assert (result.base_translation == 0.0).all()
     assert np.isnan(result.executed).all()
-
-
-@pytest.mark.parametrize("episodes", [0, -1, []])
-def test_no_episode_is_refused(env, episodes):
-    with pytest.raises(SettingError, match="episodes"):
-        evaluate(env, RandomPolicy(0), episodes)
-
-
-def test_an_environment_inside_wrappers_is_refused(small_map):
-    wrapped = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False)
-    with pytest.raises(SettingError, match=r"env is <.*; it must be a MlivrEnv without wrappers"):
-        evaluate(wrapped, RandomPolicy(0), 1)
 
 
 def test_points_are_free_again_after_an_error(env):
@@ -121,32 +96,32 @@ def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
     assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
 
 
-def test_tasks_are_evaluated_with_their_points_occupied(table_env):
-    planner = Planner(table_env.graph)
+def test_tasks_are_evaluated_with_their_points_occupied(env):
+    planner = Planner(env.graph)
     for seed in range(20):
-        table_env.reset(seed=seed)
-        start, goal = table_env.graph.ids(table_env.state.stance), table_env.goal
+        env.reset(seed=seed)
+        start, goal = env.graph.ids(env.state.stance), env.goal
         plan = planner.plan(start, goal, "steps").unwrap()
         taken = plan.actions[0][1]
-        table_env.graph.occupy([taken])
+        env.graph.occupy([taken])
         other = planner.plan(start, goal, "steps").plan
-        table_env.graph.vacate()
+        env.graph.vacate()
         if other is not None:
             break
     assert other is not None
     tasks = [EvaluationTask(start, tuple(goal)), EvaluationTask(start, tuple(goal), (taken,))]
     seen = []
     result = evaluate(
-        table_env,
+        env,
         ExpertPolicy(),
         tasks,
         execute=lambda world, states: bool(seen.append(states) or len(seen) == 1),
     )
     assert result.success.all()
     assert result.executed.tolist() == [1.0, 0.0]
-    assert table_env.graph.occupied == frozenset()
+    assert env.graph.occupied == frozenset()
     assert result.steps.tolist() == [len(plan.steps), len(other.steps)]
-    point = table_env.graph.grasp_map.index(taken)
+    point = env.graph.grasp_map.index(taken)
     assert all(point not in state.stance for state in seen[1])
 
 
@@ -191,10 +166,3 @@ def test_bootstrap_interval_of_a_mean():
         values = rng.normal(5.0, 2.0, 400)
         ends.append((np.array(bootstrap(values)) - values.mean()) / (values.std() / 20.0))
     np.testing.assert_allclose(np.mean(ends, axis=0), [-1.96, 1.96], rtol=0.04)
-
-
-@pytest.mark.parametrize("odd", [0, 4, 9])
-def test_every_value_counts_for_the_interval_of_a_mean(odd):
-    """One success of ten, wherever it is: of ten draws with replacement, 0 to 3 are that one."""
-    assert bootstrap(np.arange(10) == odd) == pytest.approx((0.0, 0.3))
-    assert bootstrap(np.array([2.5])) == (2.5, 2.5)

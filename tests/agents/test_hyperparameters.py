@@ -10,7 +10,6 @@ from mlivr_gym.agents.hyperparameters import (
     fill_dagger,
     load_hyperparameters,
 )
-from mlivr_gym.agents.training import train
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
 
@@ -57,10 +56,3 @@ def test_a_field_that_is_faulty_or_missing_is_named(tmp_path, method, path, valu
     file.write_text(json.dumps(data))
     with pytest.raises(SettingError, match=rf"^hyperparameters '.*hyper\.json': .*{words}"):
         load_hyperparameters(method, file)
-
-
-def test_settings_of_a_caller_are_checked_too(env):
-    with pytest.raises(SettingError, match="hyperparameters has an unknown field 'imitatoin'"):
-        train("bc", env=env, hyperparameters={"imitatoin": {}, "networks": {}})
-    with pytest.raises(SettingError, match="networks is missing"):
-        check_hyperparameters({"imitation": {}})

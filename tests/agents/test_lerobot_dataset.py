@@ -91,28 +91,6 @@ def test_statistics_are_those_of_the_frames(root):
         np.testing.assert_allclose(told["q50"], np.median(rows, axis=0), atol=1e-9)
 
 
-def test_the_loader_of_lerobot_reads_what_was_written(root, arguments):
-    pytest.importorskip("lerobot", reason="LeRobot is not installed")
-    from lerobot.datasets.lerobot_dataset import LeRobotDataset
-
-    loaded = LeRobotDataset("mlivr/jem", root=root)
-    assert (loaded.num_episodes, loaded.meta.robot_type) == (EPISODES, "mlivr2")
-    actions = [
-        [
-            int(loaded[i]["action"])
-            for i in range(one["dataset_from_index"], one["dataset_to_index"])
-        ]
-        for one in loaded.meta.episodes
-    ]
-    for k, (_, frame) in enumerate(walked(arguments, actions)):
-        assert loaded[k]["task"] == lerobot_dataset.TASK
-        for name, value in frame.items():
-            np.testing.assert_allclose(loaded[k][name].numpy(), value, rtol=1e-6, err_msg=name)
-    assert len(loaded) == k + 1
-    some = LeRobotDataset("mlivr/jem", root=root, episodes=[1])
-    assert [int(one["action"]) for one in some] == actions[1]
-
-
 @pytest.mark.filterwarnings(
     "ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning"
 )  # imageio leaves its pipes open

@@ -8,12 +8,6 @@ from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.agents.features import env_features
 from mlivr_gym.agents.sb3_env import TableVecEnv
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import SettingError
-
-
-def test_one_copy_alone_cannot_be_changed(env):
-    with pytest.raises(SettingError, match=r"'reward'.*share one world"):
-        TableVecEnv(env, 2, "points").set_attr("reward", "base")
 
 
 def test_copies_for_stable_baselines3_go_like_single_environments(env, small_map):

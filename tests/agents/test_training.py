@@ -16,8 +16,9 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 
 
-@pytest.mark.parametrize("network", ["pointer", "mlp"])
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    ("method", "network"), [*((method, "pointer") for method in METHODS), ("ppo", "mlp")]
+)
 def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, method, network, short):
     settings = load_hyperparameters(method)
     sizes = {"pointer": {"width": 16, "summary": 8}, "mlp": {"net_arch": [16]}}

@@ -8,7 +8,6 @@ import pytest
 from small_tables import small_map as few_points
 
 from mlivr_gym import stance_graph
-from mlivr_gym.cli import build
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.stances.table_file import TABLES
@@ -67,47 +66,6 @@ def test_a_file_of_two_limbs_is_found_under_the_name_that_is_told(run, part, tmp
     (tmp_path / "other").mkdir()
     path.rename(tmp_path / "other" / TABLES.name(graph))
     assert stance_graph(part).is_complete
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--robot", "mlivr3", "--no-transitions"], "steps are checked"),
-        (["--robot", "five.json"], "three or four limbs"),
-    ],
-)
-def test_what_has_no_table_is_refused(run, part, tmp_path, monkeypatch, arguments, words):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "five.json").write_text('{"name": "five", "limbs": 5}')
-    code, _, err = run("build", "--map", part, *arguments)
-    assert code == 2
-    assert words in err
-
-
-def test_without_a_cache_folder_a_file_must_be_named(run, part, monkeypatch):
-    monkeypatch.setenv("MLIVR_GYM_CACHE", "")
-    code, _, err = run(f"build --robot mlivr3 --map {part}")
-    assert code == 2
-    assert "--out" in err
-
-
-def test_what_cannot_be_written_is_refused_before_anything_is_built(
-    run, part, tmp_path, monkeypatch
-):
-    def begin(*_):
-        raise AssertionError
-
-    monkeypatch.setattr(build, "build_table", begin)
-    line = f"build --robot mlivr3 --map {part}"
-    for out in (tmp_path, tmp_path / "no" / "nodes.npz"):
-        code, _, err = run(f"{line} --out {out}")
-        assert code == 2
-        assert err.startswith("mlivr-gym: cannot write ")
-    (tmp_path / "file").touch()
-    monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "file"))
-    code, _, err = run(line)
-    assert code == 2
-    assert err.splitlines()[-1].startswith("mlivr-gym: cannot write ")
 
 
 def test_a_table_that_is_not_kept_in_the_end_is_no_success(run, part, monkeypatch, caplog):

@@ -80,8 +80,6 @@ def with_broken(folder, package, code, *words):
             "raise ImportError('no core. Repair:\\n  so') from None",
             "ImportError: no core",
         ),
-        # As Numba beside a NumPy that it does not know.
-        ("numba", "raise ImportError('needs NumPy 2.2')", "ImportError: needs NumPy 2.2"),
         ("matplotlib", "import os; os._exit(11)", "ended with exit code 11"),
     ],
 )
@@ -106,25 +104,3 @@ def test_a_cache_that_cannot_be_written_is_a_failure(run, monkeypatch, tmp_path)
     code, out, _ = run("doctor", "--json")
     assert code == 1
     assert json.loads(out)["compiler"]["cache_can_be_written"] is False
-
-
-@pytest.mark.parametrize("inside", ["", "new/deeper"])
-@pytest.mark.parametrize(("mode", "can"), [(0o700, True), (0o500, False), (0o600, False)])
-def test_a_cache_needs_permission_to_write_and_to_enter(tmp_path, monkeypatch, mode, can, inside):
-    """Asked as any user would ask: to the superuser everything is permitted."""
-
-    def access(path, asked):
-        return (os.stat(path).st_mode >> 6) & asked == asked
-
-    monkeypatch.setattr(os, "access", access)
-    folder = tmp_path / "cache"
-    folder.mkdir()
-    folder.chmod(mode)
-    assert doctor._can_be_written(folder / inside) is can
-    folder.chmod(0o700)
-
-
-def test_a_backend_that_is_none_is_told_in_one_line():
-    fault = doctor.gl_fault("crystal")
-    assert "crystal" in fault
-    assert "\n" not in fault

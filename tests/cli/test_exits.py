@@ -1,7 +1,6 @@
 import json
 import signal
 import sys
-import threading
 
 import pytest
 
@@ -59,24 +58,6 @@ def test_nothing_is_printed_after_the_word_that_a_command_was_interrupted(monkey
     monkeypatch.setattr("mlivr_gym.cli.main.silence", lambda: silenced.append(True))
     assert main(["plan"]) == 130
     assert silenced == [True] * is_command
-
-
-def test_other_threads_and_ignored_signals_are_left_alone():
-    def inside():
-        with handle_interrupts():
-            seen.append(signal.getsignal(signal.SIGINT))
-
-    seen, before = [], signal.getsignal(signal.SIGINT)
-    thread = threading.Thread(target=inside)
-    thread.start()
-    thread.join()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        inside()
-        signal.raise_signal(signal.SIGINT)
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert seen == [before, signal.SIG_IGN]
 
 
 @pytest.mark.parametrize(

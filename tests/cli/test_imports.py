@@ -56,17 +56,3 @@ def test_an_environment_imports_no_torch():
     code = "import sys, gymnasium, mlivr_gym; gymnasium.make('MLIVR-JEM-v0').reset(seed=0)"
     code += "; assert 'torch' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_what_imports_the_compiler_is_given_by_the_package_when_asked():
-    code = (
-        "import sys, mlivr_gym; assert not {'numba', 'mujoco'} & {*sys.modules}; "
-        "from mlivr_gym import *; assert {'numba', 'mujoco'} <= {*sys.modules}; "
-        "print(stance_graph.__module__, State.__module__, hasattr(mlivr_gym, 'nothing'))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == [
-        "mlivr_gym.stances.build",
-        "mlivr_gym.transitions.state",
-        "False",
-    ]

@@ -70,10 +70,6 @@ def interrupted(tmp_path):
     ("start", "at"),
     [
         ("script", "gymnasium"),
-        ("module", "numpy"),
-        ("script", "mlivr_gym.cli.commands"),
-        ("module", "mlivr_gym.cli.plan"),
-        ("script", "numba"),
         ("module", "mlivr_gym.planners.planner"),
         ("module", "the end"),
     ],

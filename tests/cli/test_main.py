@@ -1,12 +1,8 @@
 """Usage, exit codes and interruptions of every command."""
 
 import json
-import resource
 import runpy
 import shlex
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -87,45 +83,6 @@ def test_quiet_prints_errors_alone(run):
     assert run("info", "--quiet") == (0, "", "")
     code, out, err = run("plan", "-q", "--cost", "fast")
     assert (code, out, err.count("\n")) == (2, "", 1)
-
-
-def processor_time_of_children():
-    """Of the processes that have ended [s]."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def test_ctrl_c_ends_a_search_with_one_line_and_130(tmp_path):
-    """Also in the middle of the compiled search, which would go on for a minute.
-
-    No table ships for that threshold.
-    """
-    code = """
-import signal, sys, threading, time
-from mlivr_gym import stance_graph
-from mlivr_gym.cli.main import main
-from mlivr_gym.planners import Planner
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores the signal
-used = time.process_time()
-def tell():
-    while time.process_time() < used + 2.5:
-        time.sleep(0.05)
-    print(time.process_time(), file=sys.__stdout__, flush=True)  # `--quiet` has another one
-threading.Thread(target=tell, daemon=True).start()
-exit(main(["plan", "--method", "dijkstra", "--limb-threshold", "0.09", "--quiet"]))
-"""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    before = processor_time_of_children()
-    with subprocess.Popen([sys.executable, "-c", code], **pipes) as process:
-        used = float(process.stdout.readline())
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate()
-    assert process.returncode == 130
-    *before_it, last = err.splitlines()
-    assert (out, last) == ("", "mlivr-gym: interrupted")
-    # It may still be compiling, and has said so.
-    assert all(line.startswith("mlivr-gym: compiling") for line in before_it)
-    assert processor_time_of_children() - before < used + 10.0
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), KeyboardInterrupt("two of three done")])

@@ -1,7 +1,6 @@
 """What tells how far a command is: a line that is drawn anew, or lines in a log."""
 
 import io
-import time
 from types import SimpleNamespace
 
 import pytest
@@ -61,16 +60,6 @@ def test_a_log_gets_a_line_now_and_then(clock, monkeypatch):
     assert stream.getvalue().splitlines()[-1].endswith("] 2/5, 30 s, 45 s remain")
 
 
-def test_what_gives_no_word_of_its_own_is_told_as_well(monkeypatch):
-    stream = standard_error(monkeypatch, True)
-    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
-    with Progress("compiling"):
-        while not stream.getvalue():
-            time.sleep(0.01)
-    assert stream.getvalue().startswith(f"{CLEAR}compiling, ")
-    assert stream.getvalue().endswith(CLEAR)
-
-
 def test_a_line_says_while_something_is_compiled(clock, monkeypatch):
     """In place of the work for which it is compiled alone, which seems to hang."""
     stream = standard_error(monkeypatch, True)
@@ -92,7 +81,6 @@ CARRY = """carry --robot mlivr3 --cargo 9 0.2 0.2 0.2 --start D3a:8 D3a:1 D3a:4 
 --stow F2b:4 --limb 0"""
 LINES = """
 info                      : mlivr_gym.stances.build.list_stances
-simulate --case 3         : mlivr_gym.stances.build.list_stances
 simulate --plan PLAN      : mlivr_gym.stances.build.list_stances
 simulate --plan PLAN      : mlivr_gym.simulation.timing.plan_trajectory
 simulate --plan PLAN      : mlivr_gym.simulation.execution.execute
@@ -101,10 +89,6 @@ plan --refined            : mlivr_gym.planners.Planner.refined
 plan --tolerance 1e-5     : mlivr_gym.planners.Planner.why_not
 render                    : mlivr_gym.cli.render.draw
 build                     : mlivr_gym.cli.build.build_table
-rank                      : mlivr_gym.planners.Planner.plan
-failures                  : mlivr_gym.extensions.failed_joints.failures.reach_without
-suggest                   : mlivr_gym.extensions.why_not.suggest.smallest_changes
-CARRY                     : mlivr_gym.stances.build.list_stances
 CARRY                     : mlivr_gym.extensions.cargo.cargo_mission.CargoMission.execute
 """
 

@@ -6,55 +6,31 @@ LINES = """
 plan --start D1a:4 Q:1                        : 'Q:1'
 plan --goal 60 0 0                            : outside the cabin
 plan --cost fast                              : --cost is 'fast'; valid choices are 'base', 'steps'
-plan --cost weighted                          : regrasp_price
 plan --robot robocop                          : 'robocop'
 plan --robot mlivr2-iiwa --locked-joint joint2 : --locked-joint has no effect with --robot mlivr2
 suggest --robot mlivr3                        : smallest changes need two limbs
-info --tool-frame tool0                       : --tool-frame has no effect with --robot mlivr2
 plan --failed-joint 0 3 0.5                   : limb 0 has 6 joints: with joint 3 failed it can hold
-info --failed-joint 0 9 0.5                   : --failed-joint[1] is 9; it must be a whole number
 failures --robot mlivr3                       : failures needs two limbs; 'mlivr3' has 3
 load no/folder                                : cannot read simulation
 plan --map nowhere.json                       : nowhere.json
 plan --map uslab --unit mm                    : --unit mm needs the file of a map, given with --map
 plan --map my.csv --unit km                   : --unit is 'km'; valid choices are 'm', 'mm'
-plan --out no/such/folder/plan.json           : cannot write
 plan --out plan.json --picture no/plan.png    : does not exist
-plan --no-manipulability --limb-threshold 0.2 : --limb-threshold has no effect
 plan --no-collisions --clearance 0.1          : --clearance has no effect
-plan --method dijkstra --heuristic paper      : --heuristic has no effect
-render --size 1 1                             : --size
 render --stance 2                             : --stance needs --plan
-render --plan PLAN --no-transitions           : --no-transitions has no effect
 render --plan PLAN --stance 5 --out x.png     : --stance is 5; this plan has stances 0 (start) to 4
-simulate --plan no.json                       : cannot read plan
 simulate --plan x.json --case 3               : give only one of
 simulate --case 3 --duration 0                : step_duration is 0
 simulate --case 3 --pace paper --duration 9   : no effect with --pace paper
-evaluate --split sane                         : did you mean 'same'
-simulate --case 3 --speed 0                   : --speed is 0
-simulate --case 3 --rate 0                    : --rate is 0
 simulate --case 3 --film walk.avi             : valid endings
 walk --max 3                                  : --max 3; see `mlivr-gym walk --help`
 carry --robot mlivr3 --start D3a:8 D3a:1 D3a:4 --pick D2b:3 --stow F2b:4 : --cargo is missing
-walk --speed 4                                : --speed has no effect without --film
-simulate --case 3 --no-film --speed 7         : --speed has no effect
 simulate --plan PLAN --robot mlivr3           : --robot has no effect with --plan
-simulate --plan PLAN --clearance 0.05         : --clearance has no effect
 simulate --case 3 --occupied D1a:4            : --occupied has no effect with --case
-simulate --case 3 --cost steps                : --cost has no effect with --case
-evaluate --beam 0                             : --beam is 0
 evaluate --split same --episodes 3            : --episodes has no effect
-evaluate --policy astar --beam 3              : --beam has no effect
 train --method bc --shaping                   : --shaping has no effect
-dataset --episodes -3                         : --episodes is -3
-dataset --video                               : --video has no effect without --lerobot
-dataset --lerobot . --episodes 1              : exists already
 dataset --lerobot x --id a-v0                 : --id has no effect with --lerobot
 view --plan a --execution b                   : only one of --plan and --execution
-view --plan a --goal 1 2 3                    : --goal has no effect with --plan
-view --execution a --cost steps               : --cost has no effect with --execution
-view --port 99999                             : --port
 """
 """Command lines, and words of what is told."""
 

@@ -102,14 +102,9 @@ def test_the_papers_own_figures_meet_every_relation():
     [
         (2, "base_translation", 4.3, "Case 2 is no shorter than Case 1"),
         (2, "expanded", 172, "Case 2 explores more than Case 1"),
-        (2, "time", 1.2, "Case 2 takes longer than Case 1"),
-        (3, "steps", 7, "Case 3 has fewer steps than Case 2"),
         (1, "w_m_min", 0.1, ""),
-        (4, "base_translation", 4.74, "Case 4 is 0.25 m or more longer than Case 2"),
         (4, "w_b_min", 0.0009, "Case 4 meets both thresholds"),
         (3, "steps", 3, "Case 3: steps within one of the paper's"),
-        (4, "expanded", 400, "Case 4 explores less than Case 2"),
-        (3, "expanded", 180, "Case 3 explores less than Case 1"),
     ],
 )
 def test_a_relation_is_lost_by_the_figure_that_breaks_it(case, field, value, lost):

@@ -40,7 +40,7 @@ def test_the_way_back_is_the_way_there(seed, off):
         np.testing.assert_allclose(a, b, atol=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_departure_moves_the_base_into_the_surface(seed):
     """A limb that departs by some way along the normal sees its base go back by it."""
     (place, axes), rng, s = random_ends(seed)[:2], np.random.default_rng(seed), np.linspace(0, 1, 5)

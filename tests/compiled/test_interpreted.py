@@ -202,7 +202,7 @@ def compared(monkeypatch):
     return calls
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr2-iiwa", "mlivr2-unequal"])
+@pytest.mark.parametrize("robot", ["mlivr2", "mlivr2-iiwa"])
 def test_interpreted_and_compiled_entries_give_the_same_numbers(robot, compared):
     """To the bit, so that it does not show in a plan which of both made it."""
     points = jem_map()

@@ -2,7 +2,6 @@
 
 from typing import Annotated
 
-import numba
 import numpy as np
 import pytest
 from compiled import called
@@ -75,16 +74,6 @@ def test_every_number_lies_where_its_type_wants_it(record):
         assert start % kind.alignment == 0
         assert free[start : start + kind.itemsize].all()
         free[start : start + kind.itemsize] = False
-
-
-@pytest.mark.skipif(bool(config.DISABLE_JIT), reason="types of compiled code")
-@pytest.mark.parametrize("record", [Ball, Pack, Flags, Outer])
-def test_compiled_code_has_the_same_layout_and_knows_that_it_is_aligned(record):
-    found = numba.from_dtype(record.dtype)
-    assert (found.size, found.dtype) == (record.dtype.itemsize, record.dtype)
-    for name in record.dtype.names:
-        assert found.offset(name) == record.dtype.fields[name][1]
-        assert numba.np.numpy_support.as_dtype(found.typeof(name)) == record.dtype[name]
 
 
 @kernel

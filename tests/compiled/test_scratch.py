@@ -17,16 +17,3 @@ def test_two_calls_at_once_have_scratch_of_their_own_and_later_ones_the_same_aga
         assert (one(1)["count"], other(1)["count"]) == (1, 2)
     with pool.borrowed() as again:
         assert again(1)["count"] in (1, 2)
-
-
-def test_the_last_that_another_thread_has_taken_meanwhile_is_made_anew():
-    """Between the question whether there is one and its being taken."""
-
-    class Taken(list):
-        def __bool__(self):
-            return True
-
-    pool = ScratchPool(Numbers)
-    pool._idle = Taken()
-    with pool.borrowed() as rows:
-        assert len(rows(1)) == 1

@@ -6,7 +6,6 @@ import pytest
 import torch
 from sb3_contrib.common.maskable.utils import get_action_masks
 
-from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.errors import SettingError
 
@@ -21,8 +20,7 @@ def env(small_map):
 
 
 @pytest.mark.parametrize(
-    "form",
-    [int, np.int64, np.int8, np.uint16, np.array, torch.tensor, lambda a: np.array(a, np.int16)],
+    "form", [int, np.uint16, np.array, torch.tensor, lambda a: np.array(a, np.int16)]
 )
 def test_one_step_whatever_the_form_of_the_action(env, form):
     _, info = env.reset(seed=0)
@@ -53,12 +51,3 @@ def test_the_mask_is_observed_where_it_is_asked_for(env):
         np.testing.assert_array_equal(observation["action_mask"], get_action_masks(world))
         np.testing.assert_array_equal(observation["action_mask"], info["action_mask"])
         observation, *_, info = world.step(int(np.flatnonzero(info["action_mask"])[0]))
-
-
-def test_no_mask_before_the_first_reset(small_map):
-    plain = MlivrEnv(map=small_map, collisions=False)
-    for world in (plain, ActionMaskObservation(plain)):
-        with pytest.raises(gymnasium.error.ResetNeeded):
-            world.action_masks()
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        get_action_masks(gymnasium.make("MLIVR-JEM-v0", **arguments(small_map)))

@@ -223,7 +223,7 @@ def examples(count):
 
 @pytest.mark.usefixtures("cache")
 class TestEnvironments(EnvironmentsAgree.TestCase):
-    settings = examples(6)
+    settings = examples(3)
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs import AnywhereTasks, MlivrEnv
-from mlivr_gym.errors import StanceError
 
 pytestmark = pytest.mark.usefixtures("cache")
 
@@ -48,17 +47,3 @@ def test_four_limbs_get_tasks_that_are_the_same_whenever_they_are_drawn(small_ma
     assert env.state == start
     np.testing.assert_array_equal(env.goal, goal)
     assert MlivrEnv(map=small_map, tasks=AnywhereTasks().to_dict()).tasks == AnywhereTasks()
-
-
-def test_a_start_that_is_given_stays(small_map):
-    env = MlivrEnv(map=small_map, collisions=False, tasks="anywhere")
-    env.reset(seed=0)
-    start = env.graph.ids(env.state.stance)
-    env.reset(seed=4, options={"start": start})
-    assert env.graph.ids(env.state.stance) == start
-
-
-def test_where_no_plan_leads_anywhere_an_error_says_so(small_map):
-    env = MlivrEnv(map=small_map, collisions=False, goal_tolerance=100.0, tasks="anywhere")
-    with pytest.raises(StanceError, match="no goal that a plan reaches was found on map 'small'"):
-        env.reset(seed=0)

@@ -23,6 +23,12 @@ def env():
     return MlivrEnv(collisions=False)
 
 
+@pytest.fixture(scope="module", autouse=True)
+def env_goes_with_this_file():
+    yield
+    env.cache_clear()
+
+
 class TestInterface(test_utils.EnvironmentTestMixin, absltest.TestCase):
     """The tests of dm_env, with an episode that reaches its end."""
 

@@ -41,7 +41,6 @@ def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
     [
         ("mlivr2", True, "steps"),
         ("mlivr3", False, "base"),
-        ("mlivr4", False, "steps"),
     ],
 )
 def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
@@ -71,13 +70,6 @@ def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
     assert returns == pytest.approx(7.0 - cost, abs=1e-9)
     if robot == "mlivr2":
         assert returns == pytest.approx(7.0 - plan.statistics.cost, abs=1e-9)
-
-
-def test_a_start_that_cannot_be_held_and_a_step_before_a_reset_are_refused(env):
-    with pytest.raises(StanceError, match="below the threshold"):
-        env.reset(options={"start": ("D1a:4", "D2b:4")})
-    with pytest.raises(gymnasium.error.ResetNeeded):
-        MlivrEnv(map=env.graph.grasp_map).step(0)
 
 
 @pytest.fixture(scope="module")

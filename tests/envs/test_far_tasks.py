@@ -5,7 +5,6 @@ import pytest
 
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
-from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Planner
 
 
@@ -62,18 +61,3 @@ def test_a_fixed_task_takes_no_number_of_the_stream(small_map):
     first.reset(options={"task": 3})
     assert first.reset()[1]["stance"] == second.reset()[1]["stance"]
     np.testing.assert_array_equal(first.goal, second.goal)
-
-
-def test_a_task_is_given_alone(env):
-    env.reset(seed=0)
-    before = env.state, env.goal
-    for others in ({"goal": env.goal}, {"start": env.state.stance}):
-        with pytest.raises(SettingError, match="give it alone"):
-            env.reset(options={"task": 0, **others})
-    copies = MlivrVectorEnv(2, env=env)
-    with pytest.raises(SettingError, match="give it alone"):
-        copies.reset(options={"task": [0, 1], "goal": [env.goal] * 2})
-    with pytest.raises(SettingError, match=r"options\.task has 1 entries; it must have 2"):
-        copies.reset(options={"task": [0]})
-    assert env.state == before[0]
-    np.testing.assert_array_equal(env.goal, before[1])

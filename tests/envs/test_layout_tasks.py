@@ -6,9 +6,7 @@ from state_graph import least_cost, reachable, within
 
 from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES, LayoutTasks
-from mlivr_gym.envs.vector_env import MlivrVectorEnv
-from mlivr_gym.errors import SettingError, StanceError
+from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES
 
 pytestmark = pytest.mark.usefixtures("cache")
 
@@ -95,23 +93,3 @@ def test_a_start_that_is_given_stays_free_and_a_layout_stays_if_nothing_is_drawn
     env.graph.occupy([p for p in range(len(env.graph.grasp_map)) if p not in free])
     _, info = env.reset(options={"start": state.stance, "goal": env.graph.grasp_map.cabin[0]})
     assert info["fewest_steps"] == -1
-
-
-def test_without_a_task_the_points_stay_as_they_were(env):
-    env.reset(seed=0)
-    before = env.graph.occupied
-    with pytest.raises(StanceError, match="no layout with a goal"):
-        LayoutTasks().draw(env.graph, np.random.default_rng(0), 1e3)
-    assert env.graph.occupied == before
-
-
-def test_what_has_no_layouts_of_its_own_is_refused(small_map, env):
-    with pytest.raises(SettingError, match=r"vectorization_mode='sync'"):
-        MlivrVectorEnv(2, env=env)
-    with pytest.raises(SettingError, match="need two limbs; robot 'mlivr3' has 3"):
-        MlivrEnv(map=small_map, robot="mlivr3", tasks="random")
-    env.reset(seed=0)
-    pose = [*env.graph.posture_of(env.state).base_position[0], 1.0, 0.0, 0.0, 0.0]
-    state = env.state._replace(pose=tuple(pose))
-    with pytest.raises(SettingError, match="give no pose"):
-        LayoutTasks().draw(env.graph, np.random.default_rng(0), 0.2, state)

@@ -26,7 +26,7 @@ def short_plan(env):
     raise AssertionError("none of the first tasks is near")
 
 
-@pytest.mark.parametrize("name", ["USLab", "Columbus", "Hatch", "Truss"])
+@pytest.mark.parametrize("name", ["Hatch", "Truss"])
 def test_a_walk_in_the_place_is_planned_checked_and_carried_out_in_mujoco(name):
     place = gymnasium.make(f"MLIVR-{name}-v0").unwrapped
     (plan, mask), graph = short_plan(place), place.graph

@@ -8,11 +8,9 @@ from small_tables import small_map as few_points
 from small_tables import small_table
 from state_graph import reachable, within
 
-from mlivr_gym.agents import ExpertPolicy
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.regret import EpisodeRegret
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
-from mlivr_gym.errors import SettingError
 from mlivr_gym.planners.costs import Cost
 
 pytestmark = pytest.mark.usefixtures("cache")
@@ -41,9 +39,11 @@ def paid(cost, before, after, metres):
 
 def least(net, env, cost):
     """Least cost from the present state to the goal region, by Dijkstra's algorithm."""
-    for a, b, metres in net.edges(data="base"):
-        net.edges[a, b]["paid"] = paid(cost, a.stance, b.stance, metres)
-    costs = nx.single_source_dijkstra_path_length(net, env.state, weight="paid")
+    name = f"paid by {REWARDS.index(cost)}"
+    for a, b, edge in net.edges(data=True):
+        if name not in edge:
+            edge[name] = paid(cost, a.stance, b.stance, edge["base"])
+    costs = nx.single_source_dijkstra_path_length(net, env.state, weight=name)
     ends = within(net, env.goal, env.goal_tolerance)
     return min((costs[end] for end in ends if end in costs), default=np.inf)
 
@@ -51,10 +51,16 @@ def least(net, env, cost):
 REWARDS = ["steps", "base", Cost.custom(0.5, 0.2, prices)]
 
 
+@pytest.fixture(scope="module")
+def states():
+    """All that is reached from the starts so far, whatever the reward."""
+    return nx.DiGraph()
+
+
 @pytest.mark.parametrize("reward", REWARDS)
-def test_cost_to_go_and_regret_are_those_of_another_library(few, reward):
+def test_cost_to_go_and_regret_are_those_of_another_library(few, reward, states):
     env = MlivrEnv(map=few, collisions=False, reward=reward, info_regret=True)
-    rng, net, wasted = np.random.default_rng(0), None, 0
+    rng, net, wasted = np.random.default_rng(0), states, 0
     for seed in range(4):
         _, info = env.reset(seed=seed)
         net = reachable(env.graph, env.state, known=net)
@@ -80,24 +86,7 @@ def test_cost_to_go_and_regret_are_those_of_another_library(few, reward):
     assert wasted > 2
 
 
-@pytest.mark.parametrize("reward", REWARDS)
-def test_the_expert_regrets_nothing(small_map, reward):
-    env = MlivrEnv(map=small_map, collisions=False, reward=reward, info_regret=True)
-    expert = ExpertPolicy()
-    for seed in range(6):
-        observation, info = env.reset(seed=seed)
-        optimum, total, over = info["optimal_cost"], 0.0, False
-        while not over:
-            action = expert.act(env, observation, env.action_masks())
-            observation, reward_paid, over, _, info = env.step(action)
-            total -= reward_paid
-            assert info["regret"] == pytest.approx(0.0, abs=1e-9)
-        assert info["optimal_cost"] == 0.0
-        assert total == pytest.approx(optimum, abs=1e-9)
-
-
-@pytest.mark.parametrize("reward", REWARDS)
-@pytest.mark.parametrize("failing", [0.0, 0.3])
+@pytest.mark.parametrize(("reward", "failing"), [(REWARDS[1], 0.3), (REWARDS[2], 0.0)])
 def test_many_environments_tell_what_single_ones_do(small_map, reward, failing):
     """To the bit, over ends of episodes and resets."""
     how = {"map": small_map, "collisions": False, "reward": reward, "grasp_failure": failing}
@@ -133,30 +122,6 @@ def test_an_unreachable_goal_and_a_changed_world_are_told(small_map):
     env.graph.vacate()
     _, _, _, _, info = env.step(int(env.action_masks().argmin()))
     assert info["regret"] == 2.0
-
-
-def test_wrappers_of_gymnasium_go_on_working(small_map):
-    made = gymnasium.make("MLIVR-JEM-v0", map=small_map, collisions=False, info_regret=True)
-    env = gymnasium.wrappers.RecordEpisodeStatistics(made)
-    for seed in range(3):
-        _, info = env.reset(seed=seed)
-        optimum, over = info["optimal_cost"], False
-        while not over:
-            action = int(env.action_space.sample(info["action_mask"]))
-            _, _, terminated, truncated, info = env.step(action)
-            over = terminated or truncated
-        spent = -info["episode"]["r"]
-        assert info["regret"] == pytest.approx(spent + info["optimal_cost"] - optimum)
-
-
-def test_where_no_optimum_is_known_none_is_told(small_map):
-    few = {"map": small_map, "collisions": False}
-    with pytest.raises(SettingError, match="'steps', 'base' or a Cost is needed"):
-        MlivrEnv(reward=lambda outcome: 0.0, info_regret=True, **few)
-    with pytest.raises(SettingError, match="UnknownMapEnv has actions beside the steps"):
-        gymnasium.make("MLIVR-JEM-Unknown-v0", info_regret=True, **few)
-    _, info = MlivrEnv(**few).reset(seed=0)
-    assert not {"optimal_cost", "regret"} & set(info)
 
 
 @pytest.mark.parametrize("has_table", [True, False])

@@ -29,7 +29,7 @@ def test_the_model_gives_the_published_numbers():
     assert [stream.bits() for _ in PUBLISHED] == [number >> 11 for number in PUBLISHED]
 
 
-@pytest.mark.parametrize("bound", [1, 2, 331, 8732, 10**6])
+@pytest.mark.parametrize("bound", [1, 331, 10**6])
 def test_numbers_below_a_bound(bound):
     """The upper 53 bits as a share of the bound; other streams stay as they are."""
     ours, other = Stream.of_seed(3), SplitMix(3)

@@ -44,22 +44,6 @@ def shuttle(small_map):
     return Shuttle(small_map.cabin.mean(axis=0).tolist())
 
 
-def test_the_single_environment_takes_start_and_goal(small_map, shuttle):
-    env = MlivrEnv(map=small_map, collisions=False, tasks=shuttle, goal_tolerance=0.15)
-    starts = set()
-    for seed in range(10):
-        observation, info = env.reset(seed=seed)
-        assert env.state == shuttle.drawn[-1]
-        assert info["stance"] == env.graph.ids(shuttle.drawn[-1].stance)
-        np.testing.assert_array_equal(env.goal, shuttle.goal)
-        np.testing.assert_allclose(observation["goal"], shuttle.goal, atol=1e-6)
-        starts.add(info["stance"])
-    assert len(starts) > 5
-    assert shuttle.given == [(0.15, None)] * 10
-    env.reset(seed=4)
-    assert shuttle.drawn[-1] == shuttle.drawn[4]
-
-
 def test_the_vector_environment_takes_start_and_goal_of_each_copy(small_map, shuttle):
     """Also of each that starts anew since its episode has ended."""
     given = {"collisions": False, "tasks": shuttle, "goal_tolerance": 0.15}

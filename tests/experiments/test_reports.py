@@ -63,11 +63,6 @@ def test_rows_of_a_study_are_those_of_the_function_and_leave_nothing(product, tm
     assert list((tmp_path / "runs" / "studies").iterdir()) == []
 
 
-def test_a_study_with_a_failed_run_gives_no_rows(product):
-    with pytest.raises(SystemExit, match="3 of 6 runs failed: a factor below 0"):
-        reports.study_rows(product, 3, 1, factor=[2, -1])
-
-
 def test_an_interrupted_experiment_keeps_the_studies_that_it_has_finished(
     product, tmp_path, monkeypatch
 ):

@@ -84,18 +84,6 @@ def test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches():
 
 
 @each_arm
-def test_a_half_turn_of_the_tool_is_a_half_turn_of_joint_6(name):
-    pose = link_frames(ARMS[name], np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0]))[6]
-    flipped = pose.copy()
-    flipped[:3, :2] *= -1.0
-    (mask, a), (flipped_mask, b) = solutions(name, pose), solutions(name, flipped)
-    assert mask == flipped_mask
-    for branch in range(8):
-        if mask >> branch & 1:
-            assert turned(a[branch] + [0, 0, 0, 0, 0, np.pi], b[branch]) < 1e-12
-
-
-@each_arm
 def test_no_flange_is_farther_than_the_reach_and_none_there_has_a_solution(name):
     limb, rng = ARMS[name], np.random.default_rng(0)
     flanges = [link_frames(limb, q)[6, :3, 3] for q in rng.uniform(-np.pi, np.pi, (500, 6))]

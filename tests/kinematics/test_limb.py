@@ -28,7 +28,7 @@ def flange_in_world(base, spec, i, q):
     )
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("i", [0, 1])
 def test_angles_of_all_branches_reach_the_flange_where_there_are_some(seed, i):
     rng, spec = np.random.default_rng(seed), robot_spec("mlivr2")
@@ -93,18 +93,6 @@ def test_a_joint_goes_on_where_the_flange_makes_whole_turns():
     bases = poses(first[0][None], first[1][None])
     joints = joints_along(ROBOT.rows, 0, bases, flanges, branch, start)
     np.testing.assert_allclose(joints, start + turns[:, None] * np.eye(6)[5], atol=1e-9)
-
-
-def test_poses_out_of_reach_are_counted_out():
-    far = poses(np.array([[0.0, 0, 0], [9.0, 0, 0]]), np.array([np.eye(3)] * 2))
-    spec, start = robot_spec("mlivr2"), np.array([0.3, -1.1, 1.4, 0.2, 0.9, -2.0])
-    place, axes = flange_in_world((np.zeros(3), np.eye(3)), spec, 0, start)
-    all_out = Angles.rows(8)
-    flanges = poses(place[None], axes[None])
-    all_angles_at(ROBOT.rows, 0, far[0], flanges[0], all_out)
-    branch = int(np.nanargmin(np.abs(np.exp(1j * all_out["q"]) - np.exp(1j * start)).max(axis=1)))
-    joints = joints_along(ROBOT.rows, 0, far, flanges, branch, start)
-    assert joints.shape == (1, 6)
 
 
 def _split(frames):

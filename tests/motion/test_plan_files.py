@@ -27,27 +27,13 @@ def changed(data, path, value):
 
 FAULTS = [
     (("branches", 1, 0), 1_000_000, r"^motion\.branches\[1\]\[0\] is 1000000; .* from 0 to 7"),
-    (("branches", 1, 0), 8, "branches"),
-    (("branches", 1, 0), -1, "branches"),
     (("branches", 1), [1], "branches"),
     (("steps", 0, "limb"), 2, r"steps\[0\].limb is 2; .* from 0 to 1"),
-    (("steps", 0, "leader"), 2, r"steps\[0\].leader is 2; .* from 0 to 1"),
     (("steps", 0, "limb"), 1, "does not lead from"),
-    (("steps", 0, "leader"), 0, r"steps\[0\]\.leader is 0, the limb that moves"),
-    (("steps", 0, "knots", 1), [0.5, 1.0], r"steps\[0\].knots"),
     (("steps", 0, "knots", 1, 1, 3), 1e300, r"knots\[1\]\[1\]\[3\] is 1e.300; .* -100 to 100"),
     (("steps", 0, "rests", 0), 1, r"steps\[0\]\.rests must rise from 0 to \d+, the number"),
-    (("steps", 0, "rests", -1), 1000, "rests must rise from 0"),
-    (("steps", 0, "rests", 2), 0, "rests must rise from 0"),
-    (("steps", 0, "rests"), lambda rests: [0, rests[-1]], "rests must rise from 0"),
-    (("steps", 0, "rests", 1), 0.5, r"rests\[1\] is 0\.5"),
-    (("steps", 0), lambda step: step | {"rests": [], "knots": []}, "rests must rise from 0"),
     (("base_quaternions", 0), [0, 0, 0, 0], r"base_quaternions\[0\] has length 0; it must be 1"),
-    (("base_positions", 0, 0), 1e300, r"base_positions\[0\]\[0\] .* millimetres"),
-    (("joint_positions", 0, 0, 0), float("nan"), "joint_positions"),
     (("stances", 0), ["D2a:4"], r"stances\[0\] has 1 entries; it must have 2"),
-    (("stances",), [], "stances has 0 entries"),
-    (("robot", "limbs"), 3, r"stances\[0\] has 2 entries; it must have 3"),
     (("occupied",), ["no:1"], "unknown graspable point 'no:1'"),
 ]
 
@@ -56,13 +42,6 @@ FAULTS = [
 def test_a_faulty_plan_is_refused_by_name(jem, data, path, value, words):
     with pytest.raises(PlanError, match=words):
         Plan.from_dict(changed(data, path, value), jem)
-
-
-def test_the_file_is_named(jem, data, tmp_path):
-    path = tmp_path / "walk.json"
-    path.write_text(json.dumps(changed(data, ("branches", 1, 0), 1_000_000)))
-    with pytest.raises(PlanError, match=r"plan '.*walk\.json': motion\.branches"):
-        Plan.load(path, jem)
 
 
 def test_a_point_that_the_map_lacks_is_named_though_the_fingerprint_fits(jem, data):

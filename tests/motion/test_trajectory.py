@@ -1,5 +1,4 @@
 import csv
-from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -8,7 +7,6 @@ import yaml
 from scipy.spatial import cKDTree
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.errors import PlanError, SettingError
 from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic
 from mlivr_gym.motion.trajectory import FREE
@@ -71,7 +69,7 @@ def test_a_walk_passes_through_the_stances_of_its_plan_at_rest(plan, walk):
         assert np.abs(walk.joint_velocities[round(second / 0.01)]).max() < 1e-5
 
 
-@pytest.mark.parametrize("period", [0.001, 0.01, 0.1, 0.37, 7.0, 1e4])
+@pytest.mark.parametrize("period", [0.001, 0.37, 1e4])
 def test_a_coarser_walk_has_the_samples_of_its_grid_and_the_last_one(walk, period):
     coarse, stride = walk.every(period), max(round(period / 0.01), 1)
     assert coarse.times[-1] == walk.times[-1]
@@ -79,33 +77,6 @@ def test_a_coarser_walk_has_the_samples_of_its_grid_and_the_last_one(walk, perio
     assert 0.0 < coarse.times[-1] - coarse.times[-2] <= stride * 0.01 + 1e-9
     at = np.searchsorted(walk.times, coarse.times - 1e-9)
     np.testing.assert_array_equal(coarse.joint_positions, walk.joint_positions[at])
-
-
-def test_limbs_that_hold_stay_on_their_points(jem, scene, walk):
-    """By MuJoCo's kinematics, all along."""
-    for k in range(0, len(walk.times), 311):
-        for limb, point in enumerate(walk.grasps[k]):
-            if point != FREE:
-                position, rotation = grasp(scene, walk, k, limb)
-                np.testing.assert_allclose(position, jem.positions[point], atol=1e-6)
-                np.testing.assert_allclose(rotation[:, 2], -jem.normals[point], atol=1e-6)
-
-
-def test_departure_and_approach_run_along_the_normal(jem, checked_graph, plan, scene):
-    """Within 0.2 mm, as their lines are checked."""
-    step = step_trajectory(checked_graph, plan, 0, Durations(), period=0.1)
-    limb = plan.steps[0].limb
-    for phase, point in ((0, plan.steps[0].from_point), (2, plan.steps[0].to_point)):
-        index = jem.index(point)
-        heights = []
-        for k in np.flatnonzero(step.phase == phase):
-            position, rotation = grasp(scene, step, k, limb)
-            offset = position - jem.positions[index]
-            heights.append(offset @ jem.normals[index])
-            assert np.linalg.norm(offset - heights[-1] * jem.normals[index]) < 2e-4
-            np.testing.assert_allclose(rotation[:, 2], -jem.normals[index], atol=4e-4)
-        assert max(heights) == pytest.approx(plan.world.robot.lift, abs=1e-3)
-        assert min(heights) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_swings_that_were_not_checked_are_straight_where_they_can_be(jem, scene):
@@ -129,25 +100,6 @@ def test_swings_that_were_not_checked_are_straight_where_they_can_be(jem, scene)
         off = (places - places[0]) - np.outer((places - places[0]) @ along, along)
         straight += np.abs(off).max() < 1e-4
     assert straight > 0
-
-
-def with_knots(plan, knots):
-    steps = (replace(plan.steps[0], knots=knots), *plan.steps[1:])
-    return replace(plan, motion=replace(plan.motion, steps=steps))
-
-
-def test_joint_limits_and_wrong_figures_are_clear_errors(checked_graph, plan):
-    beyond = plan.steps[0].knots.copy()
-    beyond[:, 1 - plan.steps[0].limb, 0] += 4.0 * np.pi
-    with pytest.raises(PlanError, match="outside its limits"):
-        step_trajectory(checked_graph, with_knots(plan, beyond.tolist()), 0, period=0.1)
-    with pytest.raises(PlanError, match="step 0 has no joint path"):
-        step_trajectory(checked_graph, with_knots(plan, ()), 0, period=0.1)
-    with pytest.raises(PlanError, match=f"no step {len(plan.steps)}"):
-        step_trajectory(checked_graph, plan, len(plan.steps))
-    for period, words in ((50.0, "period is 50"), (1e-9, "has more than 1000000 samples")):
-        with pytest.raises(SettingError, match=words):
-            step_trajectory(checked_graph, plan, 0, Durations(), period=period)
 
 
 def test_files_hold_what_the_trajectory_holds(tmp_path, walk):
@@ -232,8 +184,8 @@ def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_gr
     assert (angles <= limits[:, 1] + 1e-6).all()
 
 
-@pytest.mark.parametrize("slowness", [1, 2, 3])
-def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan, slowness):
+def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan):
+    slowness = 3
     there = step_trajectory(checked_graph, plan, 0, Durations(), period=0.01)
     back = there.backwards(slowness)
     assert back.period == pytest.approx(there.period)

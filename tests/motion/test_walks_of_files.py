@@ -26,8 +26,10 @@ from mlivr_gym.simulation.timing import plan_trajectory
 HELD = {"iiwa14": {"locked_joint": "joint3", "locked_angle": 0.5}}
 """Which joint of an arm of seven is locked, and where [rad]."""
 
-PUBLIC = ("irb120", "m0609", "m1013", "ur5e", "cr5", "iiwa14", "xarm6", "crx10ia", "z1", "vs060",
-          "rs007n")  # fmt: skip
+PUBLIC = ("irb120",
+        "m0609",
+        "iiwa14",
+        "crx10ia")  # fmt: skip
 """Arms of ten makers by their names in ssik.
 
 Those of m0609, m1013, ur5e and cr5 have axes that are only nearly parallel or at right angles;

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from gl_there import gl_or_skip
 
-from mlivr_gym import stance_graph
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer
 from mlivr_gym.pictures.route import Route
@@ -56,14 +55,3 @@ def test_places_are_where_mujoco_draws_them(ladder):
         (expected,) = camera.pixels(np.array([place]), 320, 160)
         np.testing.assert_allclose([columns.mean() + 0.5, rows.mean() + 0.5], expected, atol=1.5)
     renderer.close()
-
-
-def test_a_picture_of_a_map_of_one_wall_has_the_robot_on_it(ladder):
-    """Not the points alone, above which most of the robot would be cut off."""
-    with gl_or_skip():
-        renderer = SceneRenderer(ladder, robot_spec("mlivr2"), 320, 160)
-    graph = stance_graph(ladder)
-    base, _, _ = graph.configuration(graph.state(("R0:1", "R1:1")))
-    column, row = renderer.overview().pixels(base[None], 320, 160)[0]
-    assert 20 < column < 300
-    assert 15 < row < 145

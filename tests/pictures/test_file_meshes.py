@@ -26,15 +26,6 @@ def folder(tmp_path):
     return tmp_path / "arms"
 
 
-def test_meshes_may_lie_in_deep_folders(folder):
-    deep = folder.joinpath(*["a" * 100] * 3)
-    deep.mkdir(parents=True)
-    (folder / "meshes" / "link.stl").rename(deep / "link.stl")
-    robot = RobotSpec.from_urdf(written(folder, str(deep / "link.stl")), capsules="ur5e")
-    robot.save(folder / "arm.json")
-    assert RobotSpec.load(folder / "arm.json") == robot
-
-
 def written(folder, file="package://arms/meshes/link.stl", links=range(1, 8)):
     """A URDF of an iiwa in other conventions, of which some links have a mesh."""
     text = one_arm(frames=IIWA14, seed=3).replace("</robot>", f"{RED}</robot>")
@@ -61,7 +52,7 @@ def points_of_file(path, folder, angles, held):
     return np.array(out)
 
 
-@pytest.mark.parametrize("held", [(3, 0.8), (5, -0.4), (1, 0.3)])
+@pytest.mark.parametrize("held", [(5, -0.4), (1, 0.3)])
 def test_meshes_are_where_the_file_has_them(folder, held):
     """Seen from the flange, whatever joint is locked, at drawn joint angles."""
     path = written(folder)

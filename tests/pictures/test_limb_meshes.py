@@ -5,11 +5,9 @@ import numpy as np
 import pytest
 
 from mlivr_gym import robot_spec
-from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.pictures.limb_meshes import limb_meshes
 from mlivr_gym.pictures.studio import studio_spec
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.simulation.dynamics import dynamics_spec
 
 LENGTHS = {"mlivr2": (-0.425, -0.3922), "mlivr2-ur3e": (-0.24355, -0.2132)}
 """Lengths a2 and a3 of the maker's DH table [m]."""
@@ -58,17 +56,3 @@ def test_capsules_may_be_drawn_in_their_place(ladder):
             seen = [model.geom(f"limb{i}/forearm/0").rgba[3] for i in range(2)]
             assert sum(seen) == 2 - len(shown)
             assert all(model.geom(f"limb{i}/gripper/0").rgba[3] == 1.0 for i in range(2))
-
-
-def test_the_simulated_model_has_no_meshes(ladder):
-    model = dynamics_spec(ladder, robot_spec("mlivr2")).compile()
-    assert model.nmesh == 0
-    assert not (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH).any()
-
-
-def test_files_of_meshes_are_small_and_have_their_licence():
-    files = list(asset_path("").glob("meshes-*.npz"))
-    assert sum(file.stat().st_size for file in files) < 500_000
-    text = asset_path("meshes-licence.txt").read_text("utf-8")
-    assert "MIT License" in text
-    assert "Redistributions in binary form must reproduce" in text

@@ -30,14 +30,6 @@ def test_every_view_has_path_numbers_and_goal(drawn, plan):
         assert GOAL_COLOUR in gold
 
 
-def test_flat_views_show_the_goal_in_its_size(drawn, plan):
-    for axes, (across, up) in zip(drawn.axes[1:], ((0, 1), (0, 2)), strict=True):
-        (ring,) = (line for line in axes.lines if to_hex(line.get_color()) == GOAL_COLOUR)
-        off = ring.get_xydata() - [plan.query.goal[across], plan.query.goal[up]]
-        np.testing.assert_allclose(np.linalg.norm(off, axis=1), plan.query.goal_tolerance)
-        assert axes.get_aspect() == 1.0
-
-
 def test_paths_footholds_and_figures_are_those_of_the_plan(drawn, plan, jem):
     """In the flat views; the numbers of the plan in the line above them."""
     held = [[stance[limb] for stance in plan.stances] for limb in range(2)]

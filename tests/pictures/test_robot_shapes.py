@@ -1,13 +1,13 @@
 """The robot that figures draw is the one of the scene, and hangs together."""
 
-from itertools import pairwise, product
+from itertools import pairwise
 
 import mujoco
 import numpy as np
 import pytest
 
 from mlivr_gym.pictures.limb_meshes import JOINT_RADIUS
-from mlivr_gym.pictures.robot_shapes import Part, geom_corners, outline, robot_parts, shaded_faces
+from mlivr_gym.pictures.robot_shapes import geom_corners, outline, robot_parts
 from mlivr_gym.robot.capsules import LINKS
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
@@ -36,12 +36,6 @@ def corners_of(shape, size):
     return geom_corners(mujoco.MjModel.from_xml_string(text), 0)
 
 
-def test_the_corners_of_a_capsule_lie_on_it_all_round():
-    corners, ends = corners_of("capsule", "0.05 0.15"), np.array([[0, 0, -0.15], [0, 0, 0.15]])
-    np.testing.assert_allclose(axis_distances(corners, ends), 0.05, atol=1e-12)
-    assert np.ptp(corners[:, 2]) == pytest.approx(0.4)
-
-
 @pytest.mark.parametrize(
     ("shape", "size", "area"),
     [
@@ -54,17 +48,6 @@ def test_the_outline_of_a_shape_has_its_area(shape, size, area):
     x, y = outline(corners_of(shape, size), np.eye(3)[[0, 2]]).T
     found = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
     assert found == pytest.approx(area, rel=0.03)
-
-
-def test_faces_are_brighter_towards_the_lamp():
-    """The triangles close the shape: their area is that of a box, and those in the light shine."""
-    signs = np.array(list(product((-1.0, 1.0), repeat=3)))
-    faces, colours = shaded_faces(Part("body", "#808080", signs * (0.5, 1.0, 1.5)))
-    across = 0.5 * np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
-    assert np.linalg.norm(across, axis=1).sum() == pytest.approx(2.0 * (2.0 + 3.0 + 6.0))
-    above = (faces[..., 2] > 0.0).all(axis=1)
-    below = (faces[..., 2] < 0.0).all(axis=1)
-    assert colours[above].min() > colours[below].max()
 
 
 @pytest.mark.parametrize("name", ["mlivr2", "mlivr3"])

@@ -58,12 +58,6 @@ def test_path_goal_and_footholds_are_in_the_scene(checked_graph, plan):
     assert len(stances) == len(plan.stances)
 
 
-def test_a_scene_without_room_is_left_as_it_is(checked_graph, plan):
-    scene = scene_of(checked_graph, 3)
-    Route.of(checked_graph.grasp_map, plan).add_to(scene)
-    assert scene.ngeom == scene.maxgeom
-
-
 def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
     with gl_or_skip():
         renderer = SceneRenderer(checked_graph.grasp_map, checked_graph.robot, 160, 90)
@@ -79,10 +73,3 @@ def test_a_ghost_is_a_pale_copy_of_the_robot_alone(checked_graph, plan):
     reach = 2.0 * checked_graph.robot.extent
     assert all(np.linalg.norm(geom.pos - there[0]) < reach for geom in ghosts)
     assert (np.abs(pale - alone).sum(axis=2) > 10).sum() > 20
-
-
-def test_a_foothold_has_the_first_stance_in_which_its_limb_holds_it(jem, plan):
-    for held in Route.of(jem, plan).footholds:
-        points = [stance[held.limb] for stance in plan.stances]
-        np.testing.assert_array_equal(held.position, jem.positions[jem.index(points[held.stance])])
-        assert held.stance == 0 or points[held.stance] != points[held.stance - 1]

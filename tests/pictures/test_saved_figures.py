@@ -45,7 +45,7 @@ def test_either_file_names_both(tmp_path, given, files):
     assert figure_files(tmp_path / given) == tuple(tmp_path / name for name in files)
 
 
-@pytest.mark.parametrize("name", ["plan.jpg", "plan.v2", "plan.pdf"])
+@pytest.mark.parametrize("name", ["plan.jpg", "plan.v2"])
 def test_a_name_that_promises_another_format_is_refused(tmp_path, name):
     words = f"cannot write a picture as '.*{name}'; valid endings are '.png'"
     with pytest.raises(FileError, match=words):
@@ -53,16 +53,3 @@ def test_a_name_that_promises_another_format_is_refused(tmp_path, name):
     with pytest.raises(FileError, match=words):
         save_image(np.zeros((4, 4, 3), dtype=np.uint8), tmp_path / name)
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("kind", ["png", "svg"])
-def test_both_files_of_a_figure_are_written_or_neither(tmp_path, kind):
-    (tmp_path / f"plan.{kind}").mkdir()
-    with pytest.raises(FileError, match=f"plan.{kind}': it is a folder"):
-        save_figure(drawn(), tmp_path / "plan.png")
-    assert [path.name for path in tmp_path.iterdir()] == [f"plan.{kind}"]
-
-
-def test_a_figure_that_stands_for_a_rendered_picture_is_one_file(tmp_path):
-    save_figure(drawn(), tmp_path / "scene.png", vector=False)
-    assert [path.name for path in tmp_path.iterdir()] == ["scene.png"]

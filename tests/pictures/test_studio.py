@@ -29,14 +29,3 @@ def test_physics_are_those_of_the_scene(jem):
             mujoco.mj_step(model, data)
         ended.append(data.qpos.copy())
     np.testing.assert_array_equal(*ended)
-
-
-def test_the_hull_is_round_all_boxes_and_only_round_a_module(jem, ladder):
-    lit = studio_spec(jem, robot_spec("mlivr2")).compile()
-    bounds = np.array([box.bounds for box in jem.boxes])
-    for axis, (low, high) in enumerate((("starboard", "port"), ("forward", "aft"))):
-        below, above = lit.geom(f"studio/{low}"), lit.geom(f"studio/{high}")
-        assert below.pos[axis] + below.size[axis] <= bounds[:, 0, axis].min() + 1e-9
-        assert above.pos[axis] - above.size[axis] >= bounds[:, 1, axis].max() - 1e-9
-    other = studio_spec(ladder, robot_spec("mlivr2")).compile()
-    assert not any(other.geom(k).name.startswith("studio/") for k in range(other.ngeom))

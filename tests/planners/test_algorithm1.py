@@ -1,16 +1,12 @@
 """The plain search against networkx on a graph of `successors`, and against the compiled one."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from paper import NO_COLLISIONS
 from remembered import remembered
-from scipy.spatial.distance import pdist
 from state_graph import least_cost, reachable, within
 
 from mlivr_gym import Settings, State, stance_graph
-from mlivr_gym.errors import SettingError
 from mlivr_gym.planners import Cost, Planner, SearchOptions
 from mlivr_gym.planners.algorithm1 import algorithm1
 from mlivr_gym.planners.outcome import GOAL_REACHED, LIMIT_REACHED, SEARCH_EXHAUSTED
@@ -42,10 +38,6 @@ def path_of(explored):
     while explored.parents[chain[-1]] >= 0:
         chain.append(explored.parents[chain[-1]])
     return [explored.states[k] for k in reversed(chain)]
-
-
-def cost_of(result):
-    return result.plan.statistics.cost if result.plan else np.inf
 
 
 @pytest.fixture(scope="module")
@@ -102,37 +94,6 @@ def test_ways_cost_the_least_by_dijkstra_of_another_library(explored_from, name,
     assert missing >= 2
 
 
-@pytest.mark.parametrize(("name", "price"), COSTS)
-def test_three_limbs_cost_what_the_other_search_finds(small_map, name, price):
-    """Or, inflated or by default, no more than the bound that is told."""
-    smaller = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
-    graph = stance_graph(smaller, "mlivr3", NO_COLLISIONS)
-    planner, rng = Planner(graph), np.random.default_rng(3)
-    drawn = rng.permuted(np.tile(np.arange(len(graph.grasp_map)), (100, 1)), axis=1)[:, :3]
-    stances = drawn[graph.is_node(graph.postures(drawn))]
-    stances = [s.tolist() for s in stances if pdist(graph.grasp_map.positions[s]).min() > 0.1]
-    several = 0
-    for start, end in list(pairwise(stances))[:6]:
-        goal = np.clip(graph.posture(end).base_position[0], *small_map.cabin)
-        ours, other = (
-            planner.plan(
-                start, goal, name, regrasp_price=price,
-                options=SearchOptions(heuristic="consistent", **how),
-            )
-            for how in ({"method": "algorithm1"}, {"inflation": 1.0})
-        )  # fmt: skip
-        assert cost_of(ours) == pytest.approx(cost_of(other), abs=1e-9)
-        for inflation in (None, 2.0) if ours else ():
-            plan = planner.plan(
-                start, goal, name, regrasp_price=price, options=SearchOptions(inflation=inflation)
-            ).unwrap()
-            bound = plan.statistics.bound or np.inf
-            assert ours.plan.cost - 1e-9 <= plan.cost <= bound * ours.plan.cost + 1e-9
-            assert inflation is None or bound <= inflation
-        several += bool(ours) and len(ours.plan.steps) > 1
-    assert several > 2
-
-
 def test_inflation_limit_and_progress(small_graph):
     planner, rng = Planner(small_graph), np.random.default_rng(6)
     start, goal = max(
@@ -153,9 +114,3 @@ def test_inflation_limit_and_progress(small_graph):
     assert (short.reason, short.expanded, seen) == ("limit reached", 150, [0, 100])
     state = small_graph.state(start)
     assert algorithm1(small_graph, state, Goal(goal, 0.2, Cost()), limit=1).status == LIMIT_REACHED
-
-
-def test_the_table_of_costs_to_go_is_not_for_it(small_graph):
-    options = SearchOptions(method="algorithm1", heuristic="relaxed")
-    with pytest.raises(SettingError, match="algorithm1"):
-        Planner(small_graph).plan((0, 1), (1.0, 0.0, 0.0), options=options)

@@ -5,17 +5,13 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import chisquare
-from walk_steps import count_steps
 
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.errors import StanceError
 from mlivr_gym.planners.baselines import (
     BASELINES,
     CORRIDORS,
     find_walk,
 )
 from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.transitions.state import State
 
 
 @pytest.mark.parametrize("method", BASELINES)
@@ -38,13 +34,6 @@ def test_baselines_walk_possible_steps(env, method):
         assert walk.reached or method != "random" or stuck or len(walk.actions) == 30
         reached += walk.reached
     assert reached >= 5 or method == "random"
-
-
-@pytest.mark.parametrize("method", BASELINES)
-def test_a_start_that_is_no_state_of_the_map_is_refused(env, method):
-    for start in (State(None, None), State(("deck", 3), (1, 1)), State((0, 10**6), (1, 1))):
-        with pytest.raises(StanceError):
-            find_walk(method, env.moves, start, (2.0, 0.0, 0.0))
 
 
 def test_random_steps_are_as_likely_as_the_others(env):
@@ -72,14 +61,6 @@ def test_local_choice_does_not_go_back(env):
         assert len(set(stances)) == len(stances)
         longest = max(longest, len(stances))
     assert longest > 8
-
-
-def test_baselines_serve_more_limbs():
-    env = MlivrEnv(robot="mlivr3", collisions=False)
-    env.reset(seed=1)
-    walk = find_walk("local", env.moves, env.state, env.goal)
-    assert walk.reached
-    assert count_steps(env.graph, [state.stance for state in walk.states]) == len(walk.actions)
 
 
 def test_two_levels_look_at_all_that_lies_in_their_corridors_and_at_nothing_else(env):

@@ -36,14 +36,6 @@ def test_work_outlasts_those_who_wait_for_it():
     assert done == [1, 1]
 
 
-def test_its_error_is_raised_where_it_is_waited_for():
-    def work():
-        raise ValueError("torn")
-
-    with pytest.raises(ValueError, match="torn"):
-        result_by_deadline("torn", work, time.perf_counter() + AGES)
-
-
 @pytest.mark.parametrize("error", [None, OSError("torn")])
 def test_all_threads_that_wait_for_one_work_get_what_came_of_it(monkeypatch, error):
     """As planners of equal graphs do, each with its own deadline."""

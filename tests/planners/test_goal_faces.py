@@ -1,14 +1,11 @@
 """Goals that name a face: all limbs hold points of it when the walk ends."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from state_graph import least_cost, reachable, within
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.cli.main import main
-from mlivr_gym.errors import SettingError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner, SearchOptions
 
@@ -68,24 +65,6 @@ def test_the_exact_cost_counts_goals_on_the_face_alone(corner):
         assert (found.plan.cost if found else np.inf) == exact.values[s]
 
 
-def test_a_face_that_the_map_has_not_is_refused(corner):
-    planner = Planner(stance_graph(corner, settings=Settings(collisions=False)))
-    with pytest.raises(SettingError, match=r"goal_face.*'ceiling'.*deck.*forward"):
-        planner.plan((0, 3), corner.cabin.mean(axis=0), goal_face="ceiling")
-
-
-def test_a_goal_without_stances_on_the_face_is_told(small_checked_graph):
-    graph = small_checked_graph
-    goal = np.clip(graph.base_position[0], *graph.grasp_map.cabin)
-    away = np.linalg.norm(graph.base_position - goal, axis=1)
-    on = (np.array(graph.grasp_map.faces)[graph.points] == "forward").all(axis=1)
-    cause = Planner(graph).why_not(
-        graph.points[0].tolist(), goal, goal_tolerance=0.01, goal_face="forward"
-    )
-    assert "on face 'forward'" in cause.message
-    assert f"{away[on].min():.3f} m away" in cause.message
-
-
 def test_the_command_takes_a_face_and_the_file_keeps_it(tmp_path):
     file = tmp_path / "plan.json"
     task = ["--start", "D2a:4", "D2b:4", "--goal", "5.9", "0", "0.4", "--cost", "steps"]
@@ -93,5 +72,3 @@ def test_the_command_takes_a_face_and_the_file_keeps_it(tmp_path):
     plan = Plan.load(file)
     assert plan.query.goal_face == "overhead"
     assert all(point.startswith("O") for point in plan.stances[-1])
-    again = Plan.from_dict(replace(plan, query=replace(plan.query, goal_face=None)).to_dict())
-    assert again.query.goal_face is None

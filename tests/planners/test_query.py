@@ -29,22 +29,3 @@ def test_a_time_limit_gives_the_best_plan_so_far(three):
     assert costs == sorted(costs, reverse=True)
     assert costs[-1] == plan.statistics.cost
     assert planner.plan(start.stance, goal, "base", time_limit=0.0).reason == "limit reached"
-
-
-@pytest.mark.parametrize("cost", ["steps", "base"])
-@pytest.mark.parametrize(
-    "how",
-    [{"method": "dijkstra"}, {"method": "greedy"}, {"heuristic": "paper"}, {"heuristic": "zero"}],
-)
-def test_a_limit_that_is_not_reached_changes_nothing_in_the_order_that_was_chosen(three, how, cost):
-    """Without an order of the user's, it makes the search improve its plan."""
-    start, goal = sample_task(three, np.random.default_rng(9), 0.8)
-    exact = {"inflation": 1.0} if "zero" in how.values() else {}
-    free, limited = (
-        Planner(three).plan(
-            start.stance, goal, cost, options=SearchOptions(**how, **exact, effort=effort)
-        )
-        for effort in (None, 10**9)
-    )
-    assert free.expanded == limited.expanded
-    assert free.unwrap().actions == limited.unwrap().actions

@@ -5,14 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.envs.tasks import sample_task
-from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.planners import Planner, refinement
 from mlivr_gym.planners.refinement import _Footholds, varied
-from mlivr_gym.simulation.execution import execute
 from mlivr_gym.stances.checked_steps import join
 
 
@@ -88,12 +85,6 @@ def test_a_plan_that_costs_more_is_proved_to_be_optimal_up_to_a_larger_factor(
     assert longer
 
 
-def test_a_refined_plan_is_carried_out(small_checked_graph):
-    graph = small_checked_graph
-    plan = Planner(graph).refined(plans(graph, 1)[0])
-    assert execute(graph, plan).failure is None
-
-
 def least_of(graph, walk, layers):
     """Least translation over all combinations of postures, each step asked of `transition`."""
     least = np.inf
@@ -145,13 +136,6 @@ def test_the_same_seed_gives_the_same_plan(small_checked_graph):
     np.testing.assert_array_equal(first.motion.base_positions, second.motion.base_positions)
 
 
-def test_a_plan_of_another_map_is_refused(small_checked_graph, jem):
-    (plan,) = plans(small_checked_graph, 1)
-    other = stance_graph(jem.subset(np.arange(len(jem)) % 3 == 0, "another"))
-    with pytest.raises(PlanError, match="was made on map"):
-        Planner(other).refined(plan)
-
-
 def test_the_command_writes_the_refined_plan(tmp_path, capsys):
     file = tmp_path / "plan.json"
     task = ["--start", "D2a:4", "D2b:4", "--goal", "6.0", "0", "0.42", "--cost", "steps"]
@@ -159,14 +143,3 @@ def test_the_command_writes_the_refined_plan(tmp_path, capsys):
     said = capsys.readouterr().out
     told = float(said.split("refined: ")[1].split(" m")[0])
     assert Plan.load(file).base_translation == pytest.approx(told, abs=5e-4)
-
-
-def test_a_posture_reached_on_other_branches_is_not_passed_over():
-    closed = {}
-    nodes = [(0b0011, 0b0100), (0b0001, 0b0100), (0b0011, 0b1100), (0b0111, 0b0100)]
-    passed = [
-        refinement._is_dominated(refinement._PoseNode(1, 7, masks, 0.0, None), closed)
-        for masks in nodes
-    ]
-    assert passed == [False, True, False, False]
-    assert not refinement._is_dominated(refinement._PoseNode(1, 8, nodes[0], 0.0, None), closed)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mlivr_gym import stance_graph
-from mlivr_gym.errors import PlanError
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.world.boxes import Box
 
@@ -45,17 +44,3 @@ def test_what_remains_is_a_plan_of_the_present_world(jem, robot):
                 assert np.allclose(rest.motion.base_positions, bases, atol=1e-12)
                 Plan.from_dict(rest.to_dict(), jem)  # everything is recomputed among the obstacles
     assert outcomes == {True, False}
-
-
-def test_a_plan_of_another_robot_or_a_step_that_it_lacks_is_named(jem):
-    graph = stance_graph(jem)
-    planner, (start, goal) = Planner(graph), QUERIES["mlivr2"]
-    plan, state = planner.plan(start, goal).unwrap(), graph.state(start)
-    count = len(plan.steps)
-    for taken in (count + 1, 99):
-        with pytest.raises(PlanError, match=f"taken is {taken}; the plan has {count} steps"):
-            planner.remainder(plan, taken, state)
-    assert planner.remainder(plan, 1, state) is None  # the robot is not there
-    other = Planner(stance_graph(jem, "mlivr2-ur3e"))
-    with pytest.raises(PlanError, match="was made for robot 'mlivr2'"):
-        other.remainder(plan, 0, state)

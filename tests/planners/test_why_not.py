@@ -7,10 +7,8 @@ import pytest
 from unreachable import unreachable
 
 from mlivr_gym import Settings, stance_graph
-from mlivr_gym.cli.main import main
-from mlivr_gym.errors import StanceError
 from mlivr_gym.planners import Planner, why_not
-from mlivr_gym.planners.planning_result import NO_SWING, Timer, without_plan
+from mlivr_gym.planners.planning_result import NO_SWING
 from mlivr_gym.planners.query import Goal
 from mlivr_gym.planners.why_not import OBSTACLES, RULES
 from mlivr_gym.stances.random_states import random_state
@@ -60,7 +58,7 @@ def test_that_no_rule_helps_is_told_only_if_it_is_proved(small_map, monkeypatch)
         assert words in why_not.find_cause(graph, start, goal, 7).message
 
 
-@pytest.mark.parametrize("goal", [(8.0, 0.0, 0.0), (0.05, 0.0, 0.0), (6.0, 0.0, 0.9)])
+@pytest.mark.parametrize("goal", [(8.0, 0.0, 0.0)])
 @pytest.mark.parametrize("face", [None, "overhead"])
 def test_a_goal_far_from_all_stances_is_refused_with_the_nearest_distance(
     checked_graph, goal, face
@@ -123,45 +121,6 @@ def test_occupied_points_alone_may_cut_a_goal_off(small_checked_graph):
     assert cause.rules == (OBSTACLES,)
 
 
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_rules_that_cut_off_together_alone_are_all_named(small_map, monkeypatch, count):
-    monkeypatch.setattr(why_not, "_plan_exists", lambda _, rules, *more: len(rules) >= count)
-    graph = stance_graph(small_map)
-    graph.occupy([small_map.ids[-1]])
-    goal = Goal.from_arguments(graph, graph.base_position[0], "steps", None, 0.2)
-    cause = why_not.find_cause(graph, graph.state(graph.points[0].tolist()), goal, 1)
-    assert cause.rules == tuple(RULES)[:count]
-    named = f"{', '.join(cause.rules[:-1])} and {cause.rules[-1]}"
-    assert cause.message == f"the goal is cut off by the combination of {named}"
-
-
-def test_a_goal_without_stances_near_it_tells_the_tolerance_that_has_one(small_checked_graph):
-    graph = small_checked_graph
-    start, cabin = graph.points[0].tolist(), graph.grasp_map.cabin
-    goal = [cabin[1][0], cabin[1][1], cabin[0][2]]
-    cause = Planner(graph).why_not(start, goal, goal_tolerance=0.01)
-    assert cause.rules == ()
-    radius = float(cause.message.split("goal_tolerance of ")[1].split(" m")[0])
-    away = np.linalg.norm(graph.base_position - goal, axis=1)
-    assert radius - 0.001 < away.min() <= radius
-
-
-def test_a_start_that_cannot_be_held_is_an_error(small_checked_graph):
-    graph = small_checked_graph
-    with pytest.raises(StanceError):
-        Planner(graph).why_not((0, len(graph.grasp_map) - 1), graph.grasp_map.cabin.mean(axis=0))
-
-
-def test_the_start_is_the_one_with_its_pose_and_joints(small_checked_graph):
-    """Those that do not hold the points are refused, as for a plan."""
-    graph = small_checked_graph
-    start, goal = graph.ids(graph.points[0]), graph.base_position[-1]
-    pose, joints = [*graph.base_position[0] + 0.5, 1.0, 0.0, 0.0, 0.0], np.zeros((2, 6))
-    for more in ({"start_pose": pose}, {"start_joints": joints}):
-        with pytest.raises(StanceError):
-            Planner(graph).why_not(start, goal, **more)
-
-
 def test_rules_are_left_out_with_the_robot_where_it_is(small_checked_graph):
     """At a goal that it has reached, beside the posture of its stance."""
     graph = small_checked_graph
@@ -170,17 +129,3 @@ def test_rules_are_left_out_with_the_robot_where_it_is(small_checked_graph):
     start = graph.state(graph.points[0].tolist(), (*beside, *quaternion))
     goal = Goal.from_arguments(graph, beside, "steps", None, 0.001)
     assert why_not.is_plan_found(graph, start, goal, 100)
-
-
-def test_a_step_without_a_swing_is_the_cause_itself(small_checked_graph, monkeypatch):
-    """There is a path, so that no rule cuts the goal off."""
-    found = without_plan(NO_SWING, "no swing was found", Timer())
-    monkeypatch.setattr(Planner, "_searched", lambda *_: found)
-    graph = small_checked_graph
-    cause = Planner(graph).why_not(graph.points[0].tolist(), graph.base_position[-1])
-    assert cause == ((), "no swing was found")
-
-
-def test_the_command_tells_the_cause(capsys):
-    assert main(["plan", "--goal", "9.5", "0", "0"]) == 3
-    assert "the nearest is" in capsys.readouterr().err

@@ -41,14 +41,7 @@ def smaller(small_map):
     return stance_graph(small_map.subset(np.arange(len(small_map)) % 3 > 0, "smaller"))
 
 
-@pytest.fixture(scope="module")
-def net(smaller):
-    """What steps lead to from the starts so far."""
-    return reachable(smaller)
-
-
-@pytest.mark.parametrize("cost", ["base", "steps"])
-def test_the_plan_starts_in_the_given_pose_and_costs_the_least(smaller, net, cost, monkeypatch):
+def test_the_plan_starts_in_the_given_pose_and_costs_the_least(smaller, monkeypatch):
     """Compare with networkx over `successors`, with an edge for every step that leaves the pose.
 
     Where a plan cannot be committed the planner excludes one of its steps, which `successors` does
@@ -63,6 +56,7 @@ def test_the_plan_starts_in_the_given_pose_and_costs_the_least(smaller, net, cos
 
     monkeypatch.setattr(planner_module, "committed_motion", put_together)
     graph, rng, found = smaller, np.random.default_rng(4), 0
+    net, cost = reachable(graph), "base"
     for s in rng.integers(0, len(graph), 12):
         stance = graph.ids(graph.points[s].tolist())
         pose = moved_pose(graph, stance, rng.uniform(-0.04, 0.04, 3), rng.uniform(-0.05, 0.05, 3))
@@ -126,7 +120,7 @@ def test_given_joint_angles_are_kept(checked_graph, pose, from_pose):
         )
 
 
-@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("joint", [2, 5])
 def test_a_joint_outside_its_window_is_reported(checked_graph, pose, from_pose, joint):
     """The joint is within its limits but outside its window, for which no swings are made."""
     joints = from_pose.motion.joint_positions[0].copy()
@@ -139,22 +133,6 @@ def test_a_joint_outside_its_window_is_reported(checked_graph, pose, from_pose, 
     result = Planner(checked_graph).plan(START, GOAL, "steps", **how)
     assert result.reason == "start infeasible"
     assert f"joint {joint + 1} of limb 1 is at {joints[1, joint]:.4f} rad" in result.message
-
-
-def test_joint_angles_without_a_pose_belong_to_the_posture_of_the_graph(checked_graph):
-    free = Planner(checked_graph).plan(START, GOAL, "steps").unwrap()
-    joints = free.motion.joint_positions[0]
-    plan = Planner(checked_graph).plan(START, GOAL, "steps", start_joints=joints).unwrap()
-    np.testing.assert_allclose(plan.motion.joint_positions[0], joints, atol=1e-6)
-    assert plan.statistics.cost == free.cost
-
-
-def test_joint_angles_from_which_no_limb_can_be_released_are_reported(checked_graph, pose):
-    """On the first branch of each limb it can hold the start, but cannot be released."""
-    joints = checked_graph.configuration(checked_graph.state(START, pose))[2]
-    result = Planner(checked_graph).plan(START, GOAL, "steps", start_pose=pose, start_joints=joints)
-    assert result.plan is None
-    assert "no step leaves the start" in result.message
 
 
 def test_the_environment_starts_in_the_given_pose(pose, from_pose):
@@ -179,27 +157,6 @@ def test_the_environment_starts_in_the_given_pose(pose, from_pose):
     assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
 
 
-def test_a_grasp_that_fails_leaves_the_robot_in_the_given_pose(pose):
-    env = gymnasium.make("MLIVR-JEM-v0", grasp_failure=np.full(331, 0.9)).unwrapped
-    env.reset(seed=0, options={"start": START, "start_pose": pose, "goal": GOAL})
-    action = int(np.flatnonzero(env.action_masks())[0])
-    _, _, _, _, info = env.step(action)
-    assert info["grasp_failed"]
-    np.testing.assert_allclose(info["base_position"], pose[:3])
-
-
-def test_a_plan_from_a_given_pose_is_replayed_in_simulation(checked_graph, pose, from_pose):
-    graph, plan = checked_graph, from_pose
-    joints = plan.motion.joint_positions[0]
-    env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
-    options = {"start": START, "start_pose": pose, "start_joints": joints, "goal": GOAL}
-    _, info = env.reset(seed=0, options=options)
-    np.testing.assert_allclose(info["base_position"], pose[:3], atol=1e-9)
-    limb, point = plan.actions[0]
-    _, _, _, _, info = env.step(limb * len(graph.grasp_map) + graph.grasp_map.index(point))
-    assert info["failure"] is None
-
-
 def test_the_command_line_takes_a_pose_and_joint_angles(tmp_path, pose, from_pose):
     joints, out = from_pose.motion.joint_positions[0], tmp_path / "plan.json"
     line = ["plan", "--start", *START, "--goal", *GOAL, "--cost", "steps", "--out", out]
@@ -219,32 +176,3 @@ def test_a_pose_that_cannot_be_held_is_explained(checked_graph):
         result = Planner(graph).plan(START, GOAL, start_pose=moved_pose(graph, START, shift, turn))
         assert result.reason == "start infeasible"
         assert re.search(words, result.message), result.message
-
-
-def test_a_pose_is_given_if_it_is_not_that_of_the_stance(checked_graph, pose):
-    graph = checked_graph
-    position, quaternion, _ = graph.configuration(graph.state(START))
-    for sign in (1.0, -1.0):  # of the same rotation
-        assert graph.given_pose_of(START, position, sign * quaternion) is None
-    assert graph.given_pose_of(START, pose[:3], pose[3:]) == pytest.approx(pose)
-    for wrong, length in ((np.zeros(4), "0"), (2.0 * quaternion, "2")):
-        with pytest.raises(SettingError, match=f"quaternion .* of length {length}; its length"):
-            graph.given_pose_of(START, position, wrong)
-
-
-def test_joint_angles_that_do_not_fit_are_explained(checked_graph, pose):
-    graph = checked_graph
-    joints = graph.configuration(graph.state(START, pose))[2]
-    wrong = joints.copy()
-    wrong[1, 2] += 0.2
-    result = Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
-    assert "start_joints of limb 1 do not hold 'D2b:4'" in result.message
-    with pytest.raises(SettingError, match=r"six angles for each limb .* has shape"):
-        Planner(graph).plan(START, GOAL, start_joints=[0.0] * 5)
-    wrong = joints.copy()
-    wrong[0, 1] += 4.0 * np.pi
-    with pytest.raises(SettingError, match=r"joint 2 of limb 0 is at .* outside its limits"):
-        Planner(graph).plan(START, GOAL, start_pose=pose, start_joints=wrong)
-    env = gymnasium.make("MLIVR-JEM-v0").unwrapped
-    with pytest.raises(SettingError, match="need 'start'"):
-        env.reset(options={"start_pose": pose})

@@ -7,8 +7,10 @@ from mlivr_gym import Settings, stance_graph
 from mlivr_gym.postures.postures import FIELDS
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3", "mlivr4"])
-@pytest.mark.parametrize("rules", [{}, {"collisions": False}, {"manipulability": False}])
+@pytest.mark.parametrize(
+    ("robot", "rules"),
+    [("mlivr2", {}), ("mlivr3", {"manipulability": False}), ("mlivr4", {"collisions": False})],
+)
 def test_nodes_are_those_of_the_postures(small_map, robot, rules):
     graph, again = (stance_graph(small_map, robot, Settings(**rules)) for _ in range(2))
     rng = np.random.default_rng(0)

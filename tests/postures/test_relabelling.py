@@ -12,7 +12,7 @@ from mlivr_gym import GraspMap, Settings, stance_graph
 from mlivr_gym.postures.base_poses import first_limb
 
 
-@pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False), (4, True)])
+@pytest.mark.parametrize(("limbs", "collisions"), [(3, True), (4, False)])
 def test_postures_turn_with_the_limbs(jem, limbs, collisions):
     """Pose, manipulability and branches are those of the stance, whichever limb comes first."""
     graph = stance_graph(jem, f"mlivr{limbs}", Settings(collisions=collisions))

@@ -23,9 +23,7 @@ from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipu
 from mlivr_gym.kinematics.poses import pose as pose_row
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.capsules import Capsule
-from mlivr_gym.robot.limb_dynamics import arm_limb
 from mlivr_gym.stances.point_pairs import count_farther
-from mlivr_gym.stances.random_states import random_stance
 
 TIE = 1e-9
 
@@ -126,38 +124,6 @@ def test_the_base_pose_is_the_one_of_the_rule(graph, checked_graph, collisions):
         assert tuple(found.branch[0]) == labels
         ties.append(tied)
     assert max(ties) > 4  # mirror postures and elbows
-
-
-def test_no_combination_of_branches_of_six_limbs_has_a_larger_margin(jem):
-    """Bounds of `w_b` skip groups of combinations; a sample of them is evaluated by definition."""
-    robot = replace(
-        robot_spec("mlivr2"), limb=arm_limb("ur10e"), limbs=6, mount_radius=0.21, body_size=0.36,
-        heights=(0.8, 0.9), rolls=(0.0,), span=3.0,
-    )  # fmt: skip
-    graph, rng = stance_graph(jem, robot, Settings(collisions=False)), np.random.default_rng(0)
-    state = next(filter(None, (random_stance(graph, rng) for _ in range(100))))
-    found, whole, seen = graph.posture_of(state), Settings().thresholds(6)[1], 0
-    ours = min(found.w_m.min() / 0.1, found.w_b[0] / whole)
-    for position, rotation in zip(*graph.solver.candidate_poses(state.stance), strict=True):
-        limbs = choices(graph, state.stance, position, rotation)
-        geometry = (jem.positions[list(state.stance)] - position) @ rotation
-        drawn = [[one[rng.integers(len(one))] for one in limbs] for _ in range(60) if all(limbs)]
-        chosen = np.abs(position - found.base_position[0]).max() < 1e-6
-        if chosen:
-            drawn += [[next(o for o in one if o[0] == b)
-                       for one, b in zip(limbs, found.branch[0], strict=True)]]  # fmt: skip
-        for some in drawn:
-            jacobians = np.array([one[3] for one in some])
-            w_b = base_manipulability(jacobians, geometry, robot.characteristic_length)
-            margin = min(min(one[2] for one in some) / 0.1, w_b / whole)
-            if margin > ours * (1.0 + 1e-6):
-                turn = Rotation.from_matrix(rotation).as_quat(scalar_first=True)
-                pose = position, turn, np.array([one[1] for one in some])
-                assert contacts(robot, (), pose, 0.0)  # the robot penetrates itself
-            seen += 1
-        if chosen:
-            assert margin == pytest.approx(ours, rel=1e-6)
-    assert seen > 60
 
 
 def test_the_base_pose_of_three_limbs_is_the_one_of_the_rule(jem):
@@ -277,35 +243,6 @@ def test_the_pose_differs_with_collisions_only_where_the_rules_choice_comes_too_
     assert 0 < moved < 75
 
 
-def test_no_side_is_favoured_when_two_limbs_change_places(graph):
-    """On one wall the posture of (b, a) is that of (a, b) after a half turn about the normal."""
-    at = {tuple(p): s for s, p in enumerate(graph.points.tolist())}
-    same = np.flatnonzero(
-        (
-            graph.grasp_map.normals[graph.points[:, 0]]
-            * graph.grasp_map.normals[graph.points[:, 1]]
-        ).sum(axis=1)
-        > 1.0 - 1e-12
-    )
-    leaning = 0
-    for s in np.random.default_rng(1).choice(same, 300, replace=False):
-        a, b = graph.points[s].tolist()
-        grasps = graph.grasp_map.positions[[a, b]]
-        if abs((grasps[1] - grasps[0]) @ graph.grasp_map.normals[a]) > 1e-9:
-            continue
-        other, centre = at[b, a], grasps.mean(axis=0)
-        half = 2.0 * np.outer(graph.grasp_map.normals[a], graph.grasp_map.normals[a]) - np.eye(3)
-        np.testing.assert_allclose(
-            graph.base_position[other], centre + half @ (graph.base_position[s] - centre), atol=1e-6
-        )
-        away = graph.base_position[s] - centre
-        leaning += (
-            np.linalg.norm(away - away @ graph.grasp_map.normals[a] * graph.grasp_map.normals[a])
-            > 1e-3
-        )
-    assert leaning > 100
-
-
 def test_the_order_of_the_candidates_shows_in_nothing(small_map):
     """Three shuffles of heights and rolls change no stance and no plan."""
     map_ = small_map.subset(np.arange(len(small_map)) % 2 == 0, "smaller")
@@ -356,28 +293,6 @@ def test_stances_whose_every_posture_penetrates_the_robot_are_left_out_and_named
         restricted.state(missing)
     with pytest.raises(RobotError, match="touch the robot itself"):
         stance_graph(small_map, replace(spec, body_size=1.1), settings)
-
-
-def test_a_stance_that_collisions_alone_keep_out_is_refused_for_what_it_touches(
-    small_graph, small_checked_graph
-):
-    missing = [s for s in small_graph.points.tolist() if small_checked_graph.find(s) < 0]
-    assert len(missing) > 10
-    for stance in missing:
-        with pytest.raises(StanceError, match="every posture that meets the thresholds touches"):
-            small_checked_graph.state(stance)
-
-
-def test_what_is_out_of_reach_is_so_with_and_without_collisions(small_graph, small_checked_graph):
-    """Inverse kinematics does not depend on shapes."""
-    graphs = small_graph, small_checked_graph
-    free, checked = (graph.postures(graph.pairs).reachable for graph in graphs)
-    np.testing.assert_array_equal(free, checked)
-    assert not free.all()
-    for stance in small_graph.pairs[~free][:5].tolist():
-        for graph in graphs:
-            with pytest.raises(StanceError, match="out of reach"):
-                graph.state(stance)
 
 
 def test_what_is_left_out_without_thresholds_is_counted(small_map):

@@ -1,7 +1,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from random_steps import neighbouring_points
 
 from mlivr_gym import Settings, robot_spec, stance_graph
@@ -9,27 +8,19 @@ from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.postures.solver import PostureSolver
 
 
-@pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
-def test_stances_have_the_same_postures_alone_as_with_others(jem, robot):
+def test_stances_have_the_same_postures_alone_as_with_others(jem):
     """Those of the same relative geometry share one, also where a box changes it."""
-    graph = stance_graph(jem, robot)
+    graph = stance_graph(jem, "mlivr3")
     stances = neighbouring_points(graph, 100, 0)
     stances = np.concatenate([stances, np.roll(stances, 1, axis=1)])
     # Points along a rail have the same surroundings, or others.
     stances = np.concatenate([stances, np.minimum(stances + 1, len(jem) - 1)])
     together = graph.solver.solve(stances)
-    for k, stance in enumerate(stances):
-        alone = PostureSolver(jem, graph.robot, graph.settings).solve(stance[None])
+    for k in range(0, len(stances), 3):
+        alone = PostureSolver(jem, graph.robot, graph.settings).solve(stances[[k]])
         for name in FIELDS:
             np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
     assert (together.branch_sets > 0).all(axis=1).sum() > 30
-
-
-def test_stances_between_opposite_walls_have_a_posture(kinematic_graph):
-    faces = np.array(kinematic_graph.grasp_map.faces)[kinematic_graph.points]
-    opposed = (faces[:, 0] == "deck") & (faces[:, 1] == "overhead")
-    assert opposed.sum() > 100
-    assert (kinematic_graph.w_m[opposed] > 0.0).all()
 
 
 def test_counts_agree_with_the_independent_calculation(jem):

@@ -68,19 +68,3 @@ def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_re
         RobotError, match=r"locked_angle is 0.5 rad; joint 2 turns from -0.9 to -0.9"
     ):
         replace(robot.every_limb[0], locked_angle=0.5)
-
-
-@pytest.mark.parametrize(
-    ("robot", "given", "words"),
-    [
-        ("mlivr2", (0, 3, 0.1), "limb 0 has 6 joints: with joint 3 failed it can hold its point, "
-         "but neither step nor follow the body"),
-        ("mlivr2-iiwa", (0, 4, 0.1), "limb 0 cannot move with joint 4 failed: limb"),
-        ("mlivr2-iiwa", (0, 1, 3.1), "locked_angle is 3.1 rad; joint 1 turns from"),
-        ("mlivr2-iiwa", (0, 2, 0.0), "joint 2 failed: .* singular in every posture"),
-    ],
-)  # fmt: skip
-def test_what_cannot_move_is_refused_in_one_line(robot, given, words):
-    with pytest.raises(RobotError, match=words) as caught:
-        robot_spec(robot).with_failed_joint(*given)
-    assert "\n" not in str(caught.value)

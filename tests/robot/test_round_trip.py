@@ -15,7 +15,6 @@ from robot_texts import FRANKA, GEN3, one_arm, written
 from unequal_robots import unequal
 
 from mlivr_gym import RobotSpec, robot_spec
-from mlivr_gym.errors import RobotError
 from mlivr_gym.robot.cargo import Cargo
 from mlivr_gym.robot.specification import ROBOTS
 from mlivr_gym.simulation.scene import robot_alone
@@ -93,8 +92,3 @@ def test_a_robot_is_the_same_from_its_own_files_and_from_changed_ones(tmp_path, 
             if robot.mounts is None and name not in GIVEN_A_GRIPPER:
                 for mine, theirs in zip(motion(robot), motion(again), strict=True):
                     np.testing.assert_allclose(mine, theirs, atol=1e-9)
-
-
-def test_a_base_with_mass_needs_a_centre():
-    with pytest.raises(RobotError, match="base_centre is None; a base_mass of 4 kg needs it"):
-        with_base(base_centre=None)

@@ -91,7 +91,7 @@ def test_the_links_of_the_iiwa_have_the_masses_of_its_description():
         np.testing.assert_allclose(matrix[block, block] - rotors, expected, atol=2e-5)
 
 
-@pytest.mark.parametrize("name", FILES)
+@pytest.mark.parametrize("name", ["mlivr2-iiwa", "mlivr2-unequal"])
 def test_a_robot_that_ships_plans_a_walk_and_walks_in_mujoco(jem, name):
     """Over deck and walls of the part of the module in which the walk is."""
     part = (jem.positions[:, 0] > 1.5) & (jem.positions[:, 0] < 5.5) & (jem.positions[:, 2] < 0.5)

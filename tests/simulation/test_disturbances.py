@@ -9,16 +9,12 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.motion.joint_path import PHASES
-from mlivr_gym.simulation import monte_carlo
-from mlivr_gym.simulation.controller import DELAYED, FEEDFORWARD, ControllerParameters
+from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import TimedPlan, execute_timed_plan, timed_plan
+from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
 from mlivr_gym.simulation.limits import GENTLE
 from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
-from mlivr_gym.simulation.recording import Capture, Peaks
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import Simulation
 
 
@@ -46,19 +42,6 @@ def test_draws_stay_within_their_sizes_and_fill_them():
     # Half the volume of a ball lies beyond 0.794 of its radius.
     assert np.median(np.linalg.norm(offsets, axis=1)) == pytest.approx(0.794 * 0.005, rel=0.02)
     assert np.abs(offsets.mean(axis=0)).max() < 3e-4
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "valid"),
-    [
-        ("refusal", 0.96, "from 0 to 0.95"), ("masses", 0.91, "from 0 to 0.9"),
-        ("stiffness", 0.99, "from 1 to 100"), ("delay", 0.11, "from 0 to 0.1"),
-        ("friction", -0.01, "from 0 to 1000"), ("encoder_bias", 1.01, "from 0 to 1"),
-    ],
-)  # fmt: skip
-def test_ranges_that_no_robot_has_are_refused(name, value, valid):
-    with pytest.raises(SettingError, match=f"{name} is {value}.*{valid}"):
-        DisturbanceRanges(**{name: value})
 
 
 def test_one_disturbance_does_not_move_the_others():
@@ -138,39 +121,6 @@ def test_a_grasp_is_refused_as_often_as_stated(checked_graph, plan):
     assert (failure.kind, failure.step, failure.phase) == ("refused grasp", 0, "approach")
 
 
-def test_a_late_reading_is_compared_with_the_reference_of_its_time(checked_graph, plan):
-    """Otherwise the limb would be ahead of its reference by speed times delay."""
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
-    drawn, step = (
-        DisturbanceRanges(delay=0.01).draw(1, 17, 2, len(checked_graph.grasp_map)),
-        walk.steps[0],
-    )
-    simulation = Simulation(
-        checked_graph.grasp_map, plan.world.robot, controller=DELAYED,
-        disturbance=drawn,
-    )  # fmt: skip
-    recording = execute_timed_plan(simulation, walk)[0].recording
-    swing, limb = recording.phase == PHASES.index("swing"), plan.steps[0].limb
-    samples = np.rint(recording.times[swing] / 0.002).astype(int)
-    ahead = (recording.joint_positions[swing] - step.joint_positions[samples])[:, limb]
-    speeds = step.joint_velocities[samples][:, limb]
-    moves = np.abs(speeds).max(axis=0) > 0.1
-    lead = ((ahead * speeds).sum(axis=0) / (speeds**2).sum(axis=0))[moves]
-    assert len(lead) >= 4
-    assert np.abs(lead).max() < 0.002
-
-
-def test_gains_for_a_delay_hold_where_those_without_it_swing_up(checked_graph, plan):
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
-    late, failures = DisturbanceRanges(delay=0.01), {}
-    for name in ("full", "delayed"):
-        setup = Setup.of("gentle", name, disturbances=late)
-        simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
-        failures[name] = execute_timed_plan(simulation, walk)[-1].failure
-    assert failures["delayed"] is None
-    assert failures["full"].kind == "lost hold"
-
-
 def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph, plan):
     setup, step = Setup(disturbances=ALL), first_steps(plan, 1)
     alone = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=1))
@@ -185,24 +135,6 @@ def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph,
     for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
         with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
             list(execute_many(checked_graph, [plan], **bad))
-
-
-def test_an_outcome_has_the_largest_figures_of_its_steps(jem, plan, monkeypatch):
-    """Of steps that were never simulated."""
-    rng, steps = np.random.default_rng(0), []
-    for number in range(3):
-        loads = rng.uniform(size=(2, 2))
-        peaks = Peaks(rng.uniform(size=(2, 6)), 1.0, *loads, *rng.uniform(size=3))
-        capture = Capture(1.0, number, 0, "D2a:4", *rng.uniform(size=2))
-        steps.append(SimulatedInterval(None, peaks, capture, None))
-    monkeypatch.setattr(monte_carlo, "execute_timed_plan", lambda *_: steps)
-    timed = TimedPlan(plan, (None,) * 3)
-    first, second = monte_carlo._outcomes(jem, Setup(), (40, 2), (3, timed))
-    assert (first.plan, first.seed, second.seed, first.failure) == (3, 46, 47, None)
-    assert (first.steps, first.done) == (3, 3)
-    assert first.capture_distance == max(step.capture.distance for step in steps)
-    for name in ("grasp_force", "grasp_torque", "joint_torque", "base_error"):
-        assert getattr(first, name) == max(np.max(getattr(one.peaks, name)) for one in steps)
 
 
 @pytest.mark.parametrize(("done", "count"), [(0, 5), (5, 5), (8, 10), (37, 200)])

@@ -100,17 +100,3 @@ def test_figures_of_a_robot_file_are_simulated(jem):
         robot_spec({"name": "own", "dynamics": figures})
     with pytest.raises(RobotError, match=r"dynamics is 'ur7'; valid choices are 'ur3e'"):
         robot_spec({"name": "own", "dynamics": "ur7"})
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"limbs": 4, "body_mass": 8.0, "body_size": 0.3, "tool_length": 0.08, "mount_radius": 0.15},
-        {"limb": Limb(joint_limits=((-3.0, 3.0),) * 6)},
-        {"limb": Limb(*frames_of_dh(ur_dh(a2=-0.42512, a3=-0.39198)))},  # as calibrated
-    ],
-)
-def test_robots_with_limbs_of_the_ur5e_are_simulated(jem, changes):
-    robot = replace(robot_spec("mlivr2"), name="own", **changes)
-    mass = robot.body_mass + robot.limbs * (4.0 + 17.70 + robot.gripper_mass)
-    assert Simulation(jem, robot).mass == pytest.approx(mass)

@@ -48,21 +48,3 @@ def test_a_plan_is_replayed_by_mujoco_alone(files, checked_graph, plan):
     target = model.site(f"point/{plan.steps[0].to_point}").pos
     assert np.linalg.norm(data.site(f"limb{free}/grasp").xpos - target) < 0.01
     np.testing.assert_allclose(data.qpos[:3], walk["base_positions"][-1], atol=0.02)
-
-
-def test_the_exported_model_begins_at_rest_on_its_grasps(files, checked_graph, plan):
-    model = mujoco.MjModel.from_xml_path(str(files / "model.xml"))
-    data = mujoco.MjData(model)
-    assert model.nkey == 1
-    mujoco.mj_resetDataKeyframe(model, data, 0)
-    mujoco.mj_forward(model, data)
-    for limb, point in enumerate(plan.stances[0]):
-        held = data.site(f"limb{limb}/grasp").xpos
-        np.testing.assert_allclose(
-            held, checked_graph.grasp_map.positions[checked_graph.grasp_map.index(point)], atol=1e-5
-        )
-        np.testing.assert_allclose(model.body(f"limb{limb}/anchor").pos, held, atol=1e-5)
-        grasps = [data.sensor(f"limb{limb}/grasp/{axis}").data[0] for axis in ("x", "y", "z")]
-        assert np.abs(grasps).max() < 0.5
-    assert not model.opt.gravity.any()
-    assert model.camera("cabin").id >= 0

@@ -8,19 +8,6 @@ import sys
 import pytest
 
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.gl import ALIASES, BACKENDS
-
-KINEMATIC = """
-from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym import GraspMap
-env = MlivrEnv(map=GraspMap.load("map.json"), collisions=False, render_mode="rgb_array")
-env.reset(seed=0)
-try:
-    env.render()
-except ValueError as error:
-    print(type(error).__name__, error)
-"""
-
 
 INTERRUPTED = """
 import mujoco
@@ -61,19 +48,6 @@ def test_a_command_tells_it_in_one_line(folder):
     assert "MUJOCO_GL is 'foo'; valid choices are 'egl', 'osmesa', 'glfw'" in told[0]
     assert "Traceback" not in done.stderr
     assert sorted(path.name for path in folder.iterdir()) == ["map.json", "plan.json"]
-
-
-def test_the_environment_steps_and_does_not_render(folder):
-    done = run(folder, "foo", "-c", KINEMATIC)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("SettingError MUJOCO_GL is 'foo'; valid choices are 'egl'")
-
-
-def test_what_mujoco_knows_is_taken(folder):
-    """Or a library that is missing is told."""
-    assert {"", "egl", "glfw"} <= ALIASES | set(BACKENDS)
-    done = run(folder, " EGL ", "-c", "import mlivr_gym.simulation.gl")
-    assert done.returncode == 0 or "cannot render with MUJOCO_GL" in done.stderr
 
 
 def test_an_interruption_while_a_context_opens_leaves_one_traceback(folder):

@@ -1,12 +1,10 @@
 """What a reading of the sensor may change."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.simulation.guidance import CLOSE_ANGLE, CLOSE_POSITION, MAX_CHANGE, REST_SPEEDS
+from mlivr_gym.simulation.guidance import MAX_CHANGE
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -30,21 +28,3 @@ def test_no_reading_changes_a_joint_by_more_than_it_may_either_way(checked_graph
             assert np.abs(change).max() == pytest.approx(MAX_CHANGE)
             ways.add(float(np.sign(change[np.abs(change).argmax()])))
     assert ways == {-1.0, 1.0}
-
-
-@pytest.mark.parametrize("k", range(4))
-def test_a_gripper_is_close_if_each_error_and_speed_is_below_its_bound(jem, plan, k):
-    """Each of them decides alone, and a bound itself is not below it."""
-    simulation = Simulation(jem, plan.world.robot)
-    guidance = simulation._guidance
-    simulation.reset(*plan.configuration(0), [jem.index(point) for point in plan.stances[0]])
-    bounds = np.array([CLOSE_POSITION, CLOSE_ANGLE, *REST_SPEEDS])
-    for share in (0.99, 1.01):
-        found = np.zeros(4)
-        found[k] = share * bounds[k]
-        guidance._grippers = SimpleNamespace(relative_speed=lambda *_, found=found: found[2:])
-        guidance._controller = SimpleNamespace(speeds=None)
-        guidance.start(plan.steps[0].limb, 0)
-        assert not guidance.is_close  # before any reading
-        guidance._filtered = np.array([0.0, found[0], 0.0, 0.0, 0.0, -found[1]])
-        assert guidance.is_close == (share < 1.0)

@@ -156,53 +156,6 @@ def test_peaks_are_the_largest_of_all_samples_and_of_all_parts():
     assert found.base_angle_error == max(one.base_angle_errors[k] for one, _, k in samples)
 
 
-def test_guidance_moves_a_gripper_by_a_share_of_its_filtered_error(simulation, checked_graph, plan):
-    """Gain times period at each reading; of the error before, four fifths stay."""
-    guidance, limb = simulation._guidance, plan.steps[0].limb
-    trajectory = step_trajectory(checked_graph, plan, 0, Durations(), period=0.5)
-    guidance._noise = np.zeros(6)
-    guidance.start(limb, simulation.grasp_map.index(plan.steps[0].from_point))
-    errors = np.array([[2e-3, -1e-3, 3e-3, 0.004, 0.0, -0.006], [0.0, 1e-3, 0.0, 0.0, 0.002, 0.0]])
-    filtered = errors[0], 0.8 * errors[0] + 0.2 * errors[1]
-    controller, data, site = simulation._joint_controller, simulation.data, f"limb{limb}/grasp"
-    share = simulation.controller.guidance * simulation.controller.sensor_period
-    for error, expected in zip(errors, filtered, strict=True):
-        guidance._error = lambda *_, error=error: error
-        place, before = data.site(site).xpos.copy(), controller.offset.copy()
-        guidance.correct(trajectory, 0)
-        joints = data.qpos[7:].copy()
-        data.qpos[7:] += controller.offset - before
-        mujoco.mj_kinematics(simulation.model, data)
-        np.testing.assert_allclose(
-            data.site(site).xpos - place, share * expected[:3], atol=0.01 * share * 3e-3
-        )
-        data.qpos[7:] = joints
-        mujoco.mj_kinematics(simulation.model, data)
-
-
-def test_the_offset_of_a_free_limb_decays_with_the_time_constant_of_recovery(simulation):
-    controller, step = simulation._joint_controller, simulation.model.opt.timestep
-    controller.offset[:6], controller.offset[6:] = 0.0, np.linspace(0.01, 0.06, 6)
-    start, recovery = controller.offset.copy(), simulation.controller.recovery
-    offsets = controller._offsets(1000, [True, False], True)
-    times = step * np.arange(1, 1001)[:, None]
-    np.testing.assert_allclose(offsets, start * np.exp(-times / recovery), atol=1e-12)
-    np.testing.assert_array_equal(controller.offset, offsets[-1])
-    np.testing.assert_array_equal(controller._offsets(9, [True, False], False), offsets[-1:])
-
-
-def test_a_pose_at_a_displaced_point_is_as_it_was_at_the_point(simulation):
-    """In the axes of the point, which are turned with it."""
-    grippers, rng = simulation._grippers, np.random.default_rng(4)
-    point, turn = 5, Rotation.from_rotvec([0.3, -0.2, 0.1]).as_matrix()
-    grippers._turns[point], grippers._positions[point] = turn, rng.normal(size=3)
-    position, rotation = rng.normal(size=3), Rotation.random(None, rng).as_matrix()
-    found, turned = grippers.displaced_pose(point, position, rotation)
-    here = position - simulation.grasp_map.positions[point]
-    np.testing.assert_allclose(turn.T @ (found - grippers._positions[point]), here)
-    np.testing.assert_allclose(turn.T @ turned, rotation)
-
-
 def test_the_module_feels_the_opposite_of_all_grasps(simulation):
     """Force, and torque about the origin, of random loads in the axes of random anchors."""
     rng, instruments = np.random.default_rng(6), simulation._instruments

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mlivr_gym import Box, GraspMap, Limb, Settings, robot_spec, stance_graph
-from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.errors import RenderError, SceneError, ShapeError
 from mlivr_gym.pictures.rendering import SceneRenderer, SceneWindow
 from mlivr_gym.simulation.dynamics import dynamics_spec
@@ -33,16 +32,9 @@ def test_scene_holds_tracks_handrails_points_and_robot(jem, model):
     assert (model.opt.gravity == 0.0).all()
 
 
-LIMITS = (
-    ((-2 * np.pi, 2 * np.pi),) * 6,
-    ((-6.2, 6.2), (-3.1, 0.5), (-2.8, 2.8), (-1, 3), (0.1, 3.1), (-9, 9)),
-)
-"""Those of the UR5e, and a robot's own [rad]."""
-
-
-@pytest.mark.parametrize("limits", LIMITS)
 @pytest.mark.parametrize("make_spec", [scene_spec, dynamics_spec])
-def test_joint_limits_are_the_robots_in_radians_also_after_export(jem, make_spec, limits):
+def test_joint_limits_are_the_robots_in_radians_also_after_export(jem, make_spec):
+    limits = ((-6.2, 6.2), (-3.1, 0.5), (-2.8, 2.8), (-1, 3), (0.1, 3.1), (-9, 9))
     robot = replace(robot_spec("mlivr2"), limb=Limb(joint_limits=limits))
     spec = make_spec(jem, robot)
     model = spec.compile()
@@ -111,19 +103,6 @@ def test_a_box_that_is_there_twice_is_named(ladder):
     graph = stance_graph(ladder, settings=Settings(limb_threshold=0.05))
     with pytest.raises(ShapeError, match="a box 'R0' already exists"):
         graph.add_obstacles([box])
-
-
-def test_contacts_name_boxes_as_the_scene_does(ladder):
-    """A box called `body` is not taken for the robot's."""
-    robot = robot_spec("mlivr2")
-    here = (np.zeros(3), np.array([1.0, 0, 0, 0]), np.zeros((2, 6)))
-    box = Box.between("body", "obstacle", (-0.05, -0.05, -0.05), (0.05, 0.05, 0.05))
-    named = [
-        contact for contact in contacts(robot, [box], here, 0.0) if contact.second == "box/body"
-    ]
-    assert {"body", "limb0/base/0"} <= {contact.first for contact in named}
-    model = scene_spec(ladder, robot, [box]).compile()
-    assert all(model.geom(contact.second) is not None for contact in named)
 
 
 def test_what_mujoco_refuses_is_told_as_that_and_not_as_missing_gl(ladder, monkeypatch):

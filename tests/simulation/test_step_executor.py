@@ -8,10 +8,8 @@ import pytest
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.recording import Capture, Peaks
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
-from mlivr_gym.simulation.step_executor import StepExecutor, _measures
+from mlivr_gym.simulation.step_executor import StepExecutor
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.random_states import random_state
 
@@ -121,17 +119,3 @@ def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, e
     assert executor._not_begun(0, 0, "no reason").step == 2
     executor.start(state)
     assert executor.steps_done == 0
-
-
-def test_the_measures_of_a_step_are_the_largest_of_all_joints_and_limbs():
-    rng = np.random.default_rng(0)
-    peaks = Peaks(rng.uniform(size=(2, 6)), 0.7, *rng.uniform(size=(2, 2)), *rng.uniform(size=3))
-    capture = Capture(9.0, 0, 1, "D2a:4", 0.003, 0.02)
-    told = _measures(SimulatedInterval(None, peaks, capture, None), 4.0, 9.5)
-    assert told["peak_torque"] == max(peaks.joint_torque.ravel())
-    assert told["torque_rms"] == 0.7
-    assert told["peak_grasp_force"] == max(peaks.grasp_force)
-    assert told["peak_grasp_torque"] == max(peaks.grasp_torque)
-    assert told["base_error"] == peaks.base_error
-    assert (told["capture_distance"], told["capture_angle"]) == (0.003, 0.02)
-    assert (told["step_time"], told["simulated_time"], told["failure"]) == (5.5, 9.5, None)

@@ -1,7 +1,5 @@
 """The stances of a robot without a table are computed once, and read from the cache folder."""
 
-import logging
-
 import numpy as np
 import pytest
 from numba import typeof
@@ -10,7 +8,6 @@ from mlivr_gym import stance_graph
 from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.postures.solver import PostureSolver
 from mlivr_gym.stances import build, table_files
-from mlivr_gym.stances.table_file import LISTED
 from mlivr_gym.world.boxes import Box
 
 
@@ -57,20 +54,6 @@ def test_a_second_graph_reads_what_the_first_one_computed(solved):
         assert np.array_equal(getattr(steps, field), getattr(expected, field))
     second.add_obstacles([Box.between("bag", "obstacle", (3.0, -0.3, -0.3), (3.4, 0.3, 0.3))])
     same(first, stance_graph(robot="mlivr2-ur3e"))
-
-
-def test_a_damaged_file_is_told_and_computed_again(solved, caplog):
-    first = stance_graph(robot="mlivr2-ur3e")
-    path = LISTED.cached(first)
-    content = bytearray(path.read_bytes())
-    content[len(content) // 2] ^= 1
-    path.write_bytes(content)
-    with caplog.at_level(logging.WARNING):
-        same(first, stance_graph(robot="mlivr2-ur3e"))
-    assert "is damaged" in caplog.text
-    assert len(solved) == 2
-    stance_graph(robot="mlivr2-ur3e")
-    assert len(solved) == 2
 
 
 def test_small_maps_leave_no_files(empty_cache, small_map):

@@ -21,10 +21,9 @@ from mlivr_gym.stances.node_table import ROUNDED
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import find_table
 from mlivr_gym.transitions.state import State
-from mlivr_gym.world.boxes import Box
 
 
-@pytest.fixture(scope="module", params=[(3, False), (4, False), (3, True), (4, True)])
+@pytest.fixture(scope="module", params=[(3, False), (4, True)])
 def known(request):
     """Of limbs that are alike, and that differ."""
     return small_table(*request.param)
@@ -145,39 +144,13 @@ def test_steps_are_the_same_with_the_table(graph, table):
         np.testing.assert_array_equal(mine, theirs)
 
 
-def test_among_obstacles_steps_are_not_those_of_the_table(graph, table):
-    """Releases begin with what it says of them, and are the same as without it."""
-    known, plain = (stance_graph(graph.grasp_map, graph.robot) for _ in range(2))
-    known.graph_table = GraphTable(table, False)
-    rng, fewer = np.random.default_rng(2), 0
-    points = table.points[:: len(table.points) // 20].astype(np.int64)
-    for _ in range(12):
-        state = random_state(graph, rng)
-        free = len(known.successors(state).limb)
-        assert not known._releases
-        place = graph.posture_of(state).base_position[0] + rng.uniform(-0.5, 0.5, 3)
-        for one in (known, plain):
-            one.add_obstacles([Box.between("box", "obstacle", place - 0.1, place + 0.1)])
-        for mine, theirs in zip(known.successors(state), plain.successors(state), strict=True):
-            np.testing.assert_array_equal(mine, theirs)
-        postures = plain.nodes(points)
-        releases, expected = (one.all_releases(points, postures) for one in (known, plain))
-        for name in ("branches", "folds"):
-            np.testing.assert_array_equal(releases[name], expected[name])
-        fewer += len(theirs) < free
-        for one in (known, plain):
-            one.remove_obstacles()
-        known._releases.clear()
-    assert fewer > 2
-
-
 @pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
 def test_the_table_that_ships_is_that_of_the_graph(robot):
     """Of some nodes all that is told, and that all their steps are among the bits."""
     graph, with_table = (stance_graph(robot=robot) for _ in range(2))
     limbs, rng = graph.limbs, np.random.default_rng(4)
     table = find_table(with_table)[1].nodes
-    rows = rng.choice(len(table.points), 300, replace=False)
+    rows = rng.choice(len(table.points), 150, replace=False)
     stances = table.points[rows].astype(np.int64)
     postures = graph.nodes(stances)
     assert graph.is_node(postures).all()
@@ -196,7 +169,7 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
     ):
         np.testing.assert_array_equal(unpacked(mine[rows], limbs), theirs)
     orders = np.array(list(itertools.permutations(range(limbs))))
-    others = np.array([[*s[:-1], rng.choice(graph.partners(s[0]))] for s in stances[:60].tolist()])
+    others = np.array([[*s[:-1], rng.choice(graph.partners(s[0]))] for s in stances[:30].tolist()])
     others = others[[len(set(s)) == limbs for s in others.tolist()]][:, orders].reshape(-1, limbs)
     there = table.find(others, graph.robot)[0] >= 0
     np.testing.assert_array_equal(there, graph.is_node(graph.nodes(others)))
@@ -212,4 +185,4 @@ def test_the_table_that_ships_is_that_of_the_graph(robot):
         np.testing.assert_allclose(told.base_position, found.base_position, atol=1e-12, rtol=0)
         steps += len(found.limb)
     assert steps > 100
-    assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 600))
+    assert_kept(graph, table, rng.integers(0, int(table.offset[-1]), 300))

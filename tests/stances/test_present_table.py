@@ -132,34 +132,6 @@ def test_what_was_checked_among_fewer_obstacles_is_what_is_found_among_all(small
         np.testing.assert_array_equal(one, other)
 
 
-def test_releases_among_boxes_that_come_one_by_one_are_those_among_all(small_map):
-    """Against a graph that has all boxes from the start; some open another branch."""
-    few = small_map.subset(np.arange(len(small_map)) % 3 > 0, "few")
-    grown, rng, gained = stance_graph(few), np.random.default_rng(3), []
-    low, high = grown.base_position.min(axis=0), grown.base_position.max(axis=0)
-
-    def releasable(graph):
-        found = graph.all_releases(graph.points, graph.node_postures(np.arange(len(graph))))
-        return found["branches"].copy()
-
-    for trial in range(3):
-        grown.remove_obstacles()
-        boxes, before, free = [], None, releasable(grown)
-        for k in range(5):
-            centre, half = rng.uniform(low, high), rng.uniform(0.02, 0.15, 3)
-            boxes.append(Box.between(f"b{trial}{k}", "obstacle", centre - half, centre + half))
-            grown.add_obstacles(boxes[-1:])
-            fresh = stance_graph(few)
-            fresh.add_obstacles(boxes)
-            now = releasable(fresh)
-            np.testing.assert_array_equal(releasable(grown), now)
-            assert not (now & ~free).any()
-            if before is not None:
-                gained.append(bool((now & ~before)[before != 0].any()))
-            before = now
-    assert min(gained.count(True), gained.count(False)) >= 1
-
-
 LIMITS, STARTS = ((-2.7, 2.7),) * 6, (-2.7,) * 6
 WIDE, NARROW = (
     replace(robot_spec("mlivr2"), limb=limb)
@@ -178,7 +150,6 @@ def steps_of(found):
 @pytest.mark.parametrize(
     ("robot", "settings"),
     [
-        ("mlivr2", NO_COLLISIONS),
         (WIDE, NO_COLLISIONS),
         (NARROW, NO_COLLISIONS),
         ("mlivr2", Settings(collisions=False, transitions=False)),
@@ -204,9 +175,3 @@ def test_steps_of_tables_are_those_that_leave_the_states_of_the_graph(small_map,
             ours = graph.kept_on_step(state, after, both)
             assert ours == implicit.kept_on_step(state, after, both)
     assert count > 50
-
-
-def test_narrow_joint_limits_take_steps_away(small_map):
-    wide, narrow = (len(step_tables(stance_graph(small_map, robot, NO_COLLISIONS)).after)
-                    for robot in (WIDE, NARROW))  # fmt: skip
-    assert 0 < narrow < wide

@@ -54,7 +54,7 @@ def digest_elsewhere(robot, seed):
     return done.stdout.strip()
 
 
-@pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
+@pytest.mark.parametrize("robot", ["mlivr3"])
 def test_steps_do_not_depend_on_what_was_asked_before(robot):
     fresh = stance_graph(robot=robot)
     states = states_of(fresh, 3)
@@ -87,7 +87,7 @@ def test_a_step_that_was_planned_is_a_step():
     assert now.find(1, after[1]) >= 0
 
 
-@pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
+@pytest.mark.parametrize("robot", ["mlivr3"])
 def test_what_rounding_leaves_decides_no_step(robot):
     """Bases moved by 1e-12 m, and turned by as much, allow the same steps."""
     graph, rng = stance_graph(robot=robot), np.random.default_rng(8)

@@ -78,12 +78,6 @@ def test_the_default_world_worked_out_afresh_is_that_which_ships(without_tables)
     assert_same_steps(graph, fresh, chosen)
 
 
-def test_other_settings_are_worked_out():
-    graph = stance_graph(settings=Settings(clearance=0.021, limb_threshold=0.12))
-    assert not asset_path(TABLES.name(graph)).exists()
-    assert not graph.is_complete
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("world", WORLDS.values(), ids=WORLDS)
 def test_whole_tables_worked_out_afresh_are_those_that_ship(without_tables, world):

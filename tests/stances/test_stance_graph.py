@@ -3,12 +3,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from held_points import assert_held
+from map_data import POINT
 from paper import NO_COLLISIONS
 
 from mlivr_gym import Box, GraspMap, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
-from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -35,7 +34,9 @@ def test_without_checks_every_pair_of_stances_that_share_a_point_is_a_step(small
         assert steps_of(graph, state_of(graph, s)).keys() == expected
 
 
-def test_thresholds_hold_for_every_stance(graph, kinematic_graph):
+def test_thresholds_hold_for_every_stance(small_map, small_graph):
+    graph, without = small_graph, Settings(manipulability=False, collisions=False)
+    kinematic_graph = stance_graph(small_map, settings=without)
     assert (graph.w_m >= 0.1).all()
     assert (graph.w_b >= 0.001).all()
     kept = (kinematic_graph.w_m >= 0.1).all(axis=1) & (kinematic_graph.w_b >= 0.001)
@@ -58,12 +59,14 @@ def test_a_step_can_always_be_taken_back(jem, limbs):
 
 
 @pytest.mark.parametrize("name", ["likely_base", "nodes", "postures"])
-def test_what_is_told_of_a_stance_does_not_depend_on_those_asked_with_it(graph, name):
+def test_what_is_told_of_a_stance_does_not_depend_on_those_asked_with_it(small_graph, name):
+    graph = small_graph
+
     def told(stances):
         found = getattr(graph, name)(stances)
         return [found] if name == "likely_base" else [*vars(found).values()]
 
-    stances = np.concatenate([graph.points[::97].astype(np.int64), [[0, 1], [2, 300]]])
+    stances = np.concatenate([graph.points[::17].astype(np.int64), [[0, 1], [2, 30]]])
     together = told(stances)
     for k in range(0, len(stances), 5):
         for alone, among in zip(told(stances[k : k + 1]), together, strict=True):
@@ -93,33 +96,17 @@ def test_max_step_bounds_every_step_of_three_limbs(jem):
         assert moved.max() <= graph.max_displacement
 
 
-def test_configuration_reaches_every_held_point(graph):
-    state = graph.state(("D1a:4", "D1b:4"))
-    assert_held(
-        graph.robot, graph.grasp_map, state.stance, graph.configuration(state),
-        lambda q: link_frames(graph.robot.limb, q)[6], 1e-9,
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("robot", ["mlivr2", "mlivr3"])
-@pytest.mark.parametrize("apart", [None, 0.05, 2.5])
-def test_a_map_without_two_points_to_hold_at_once_is_refused(robot, apart):
-    point = {
-        "id": "P",
-        "face": "deck",
-        "position": [0, 0, 0],
-        "normal": [0, 0, 1],
-        "rail": [1, 0, 0],
-    }
-    other = [] if apart is None else [point | {"id": "Q", "position": [0, apart, 0]}]
-    words = r"no two of its points are between 0.1 m and 2.4 m apart"
-    words += {
-        None: "$",
-        0.05: ": the nearest two are 0.05 m apart$",
-        2.5: ": the nearest two are 2.5 m apart; if the map is not in metres, give its unit$",
-    }[apart]
+def test_a_map_without_two_points_to_hold_at_once_is_refused(robot):
+    points = [POINT, POINT | {"id": "Q", "position": [0, 2.5, 0]}]
+    words = (
+        r"no two of its points are between 0.1 m and 2.4 m apart: the nearest two are 2.5 m apart; "
+        "if the map is not in metres, give its unit$"
+    )
     with pytest.raises(RobotError, match=words):
-        stance_graph(GraspMap.from_dict({"points": [point, *other]}), robot)
+        stance_graph(GraspMap.from_dict({"points": points}), robot)
+    with pytest.raises(RobotError, match=r"2\.4 m apart$"):
+        stance_graph(GraspMap.from_dict({"points": points[:1]}), robot)
 
 
 def test_a_map_with_too_many_pairs_of_points_is_refused(jem):
@@ -129,11 +116,6 @@ def test_a_map_with_too_many_pairs_of_points_is_refused(jem):
     )
     with pytest.raises(MapError, match=words):
         stance_graph(jem_map(spacing=0.02))
-
-
-def test_thresholds_that_no_stance_meets_are_named(ladder):
-    with pytest.raises(RobotError, match=r"none meets w_m >= 0.5"):
-        stance_graph(ladder, settings=Settings(collisions=False, limb_threshold=0.5))
 
 
 def test_stances_that_all_touch_something_are_counted(ladder):
@@ -170,20 +152,3 @@ def test_a_graph_of_a_map_in_a_file_or_as_plain_data(ladder, tmp_path):
         stance_graph(str(tmp_path / "none.json"))
     with pytest.raises(SettingError, match="settings is 3; it must be a Settings"):
         stance_graph(ladder, settings=3)
-
-
-def test_changes_of_the_world_are_refused_by_what_is_wrong_with_them(small_graph):
-    """A text is no list of points, and a file no box; nothing changes."""
-    before = small_graph.version
-    with pytest.raises(StanceError, match="points is 'D3a:3'; it must be a list"):
-        small_graph.occupy("D3a:3")
-    with pytest.raises(StanceError, match="points is 3; it must be a list"):
-        small_graph.vacate(3)
-    with pytest.raises(SettingError, match=r"boxes\[0\] is 'bag.json'; it must be a Box"):
-        small_graph.add_obstacles(["bag.json"])
-    with pytest.raises(SettingError, match="ids is 'bag'; it must be a list"):
-        small_graph.remove_obstacles("bag")
-    assert small_graph.version == before
-    small_graph.occupy({0, 1})
-    small_graph.vacate(point for point in (0, 1))
-    assert not small_graph.occupied

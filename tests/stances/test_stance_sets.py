@@ -3,7 +3,6 @@
 from collections import OrderedDict
 from dataclasses import replace
 from itertools import combinations
-from zipfile import ZIP_STORED
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from paper import NO_COLLISIONS
 from mlivr_gym import stance_graph
 from mlivr_gym.stances import stance_sets, table_files
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import SET_TABLES, StanceSets, count_sets, sets_from
+from mlivr_gym.stances.stance_sets import StanceSets
 
 
 @pytest.fixture(scope="module", params=[(3, 24), (4, 16)])
@@ -46,47 +45,6 @@ def test_sets_are_all_in_reach_in_order_with_what_is_a_move_away(graph, empty_ca
     assert sets.support_sets.max() + 1 == sets.support_set_count
 
 
-def test_sets_of_stances_are_found_in_any_order(graph):
-    sets, rng = StanceSets.of(graph), np.random.default_rng(0)
-    rows = rng.integers(0, len(sets), 50)
-    stances = rng.permuted(sets.points[rows].astype(np.int64), axis=1)
-    np.testing.assert_array_equal(sets.find(stances), rows)
-    none = np.array([[0, 0, 0, 0][: graph.limbs]])
-    assert sets.find(none).tolist() == [-1]
-    nothing = StanceSets(sets.points[:0], sets.support_sets[:0], 0)
-    assert nothing.find(stances[:2]).tolist() == [-1, -1]
-
-
-def test_sets_are_kept_and_what_is_no_file_of_them_is_passed_over(graph, empty_cache, caplog):
-    told = []
-    first = StanceSets.of(graph, told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    (file,) = empty_cache.glob("sets-*.npz")
-    again = told.copy()
-    table_files._memory.clear()
-    read = StanceSets.of(graph, told.append, build=False)
-    assert told == again
-    np.testing.assert_array_equal(read.points, first.points)
-    np.testing.assert_array_equal(read.support_sets, first.support_sets)
-    for content in (b"nothing", file.read_bytes()[:200]):
-        table_files._memory.clear()
-        file.write_bytes(content)
-        assert StanceSets.of(graph, build=False) is None
-        assert "is damaged, or not of format" in caplog.text
-        np.testing.assert_array_equal(StanceSets.of(graph).points, first.points)
-    table_files._memory.clear()
-    arrays = dict(SET_TABLES.arrays(graph, file))
-    for wrong in (
-        {"points": first.points + np.uint16(len(graph.grasp_map))},
-        {"supports": first.support_sets + np.int32(1)},
-        {"support_count": np.array(1)},
-    ):
-        file.write_bytes(SET_TABLES.pack(graph, arrays | wrong, ZIP_STORED))
-        assert StanceSets.of(graph, build=False) is None
-        table_files._memory.clear()
-
-
 def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cache, monkeypatch):
     for limbs in (2, 5):
         other = StanceGraph(graph.grasp_map, replace(graph.robot, limbs=limbs), NO_COLLISIONS)
@@ -94,24 +52,3 @@ def test_there_are_no_sets_of_two_or_five_limbs_or_of_too_many(graph, empty_cach
     monkeypatch.setattr(stance_sets, "MOST_SETS", 10)
     assert StanceSets.of(graph) is None
     assert not list(empty_cache.glob("sets-*.npz"))
-
-
-def test_counts_and_lists_of_sets_are_those_of_all_combinations():
-    """Of random pairs that may be held together."""
-    rng = np.random.default_rng(0)
-    for limbs in (3, 4):
-        together = rng.random((12, 12)) < 0.7
-        together = np.triu(together, 1) | np.triu(together, 1).T
-        expected = [
-            row
-            for row in combinations(range(12), limbs)
-            if all(together[a, b] for a, b in combinations(row, 2))
-        ]
-        counts = np.zeros(12, dtype=np.int64)
-        assert count_sets(together, limbs, len(expected), counts)
-        assert counts.tolist() == np.bincount([row[0] for row in expected], minlength=12).tolist()
-        assert not count_sets(together, limbs, len(expected) - 1, np.zeros(12, dtype=np.int64))
-        for first in range(12):
-            out = np.empty((counts[first], limbs), dtype=np.int64)
-            sets_from(together, first, out)
-            assert list(map(tuple, out.tolist())) == [row for row in expected if row[0] == first]

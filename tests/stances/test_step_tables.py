@@ -1,7 +1,6 @@
 """Tables of steps: with points taken away, and the names of their files."""
 
 from dataclasses import replace
-from threading import Thread
 
 import numpy as np
 import pytest
@@ -36,17 +35,6 @@ def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
     graph.vacate()
     for name, there in free._asdict().items():
         np.testing.assert_array_equal(getattr(step_tables(graph), name), there)
-
-
-def test_tables_wait_for_a_thread_that_changes_the_world(small_map):
-    graph = stance_graph(small_map, settings=Settings(collisions=False))
-    step_tables(graph)
-    other = Thread(target=step_tables, args=(graph,))
-    with graph.lock:
-        other.start()
-        other.join(0.5)
-        assert other.is_alive()
-    other.join()
 
 
 def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, tmp_path):

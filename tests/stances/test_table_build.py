@@ -2,10 +2,8 @@
 
 import json
 import logging
-import os
 import subprocess
 import sys
-import time
 from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
 
@@ -15,7 +13,6 @@ from small_tables import small_table, stop_at
 
 from mlivr_gym import Box, stance_graph
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
-from mlivr_gym.compiled.cached_files import cached_files
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import node_table_build, parts, table_files
@@ -71,8 +68,7 @@ def assert_same(graph, whole):
         np.testing.assert_array_equal(ours, theirs)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.8])
-@pytest.mark.parametrize("limbs", [2, 3])
+@pytest.mark.parametrize(("limbs", "share"), [(2, 0.8), (3, 0.3)])
 def test_a_build_that_was_stopped_goes_on_where_it_was(
     fewer, whole, cache, written, monkeypatch, limbs, share
 ):
@@ -192,30 +188,6 @@ def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, written
     build_table(stance_graph(fewer))
     assert written.count(max(first)) == 2
     assert len(written) == len(first) + len(set(written))
-
-
-def test_a_table_that_is_read_counts_as_used(fewer, whole, monkeypatch):
-    path = build_table(stance_graph(fewer))
-    os.utime(path, (100, 100))
-    (one, *_) = (one for one in cached_files() if one.path == path)
-    assert one.used == 100
-    times, utime = [], os.utime
-    monkeypatch.setattr(
-        os, "utime", lambda *given, **by: times.append(given) or utime(*given, **by)
-    )
-    table_files._memory.clear()
-    stance_graph(fewer)
-    (one, *_) = (one for one in cached_files() if one.path == path)
-    assert one.used > time.time() - 600
-    assert times == [(path,)]  # reading alone does not do that everywhere
-    assert path.stat().st_mtime == 100  # when it was written stays
-
-
-def test_a_graph_made_before_the_table_was_kept_has_all_its_steps(fewer, whole):
-    early, late = (stance_graph(fewer) for _ in range(2))
-    build_table(late)
-    build_table(early)
-    assert_same(early, whole)
 
 
 @pytest.mark.parametrize("change", ["obstacles", "occupied"])

@@ -21,18 +21,6 @@ FLOOR = 0.03 * 0.87**3
 MOUNT, ORIGIN = ROBOT.mount_rotations[0].copy(), ROBOT.mount_positions[0].copy()
 
 
-TOOL = np.diag([1.0, -1.0, -1.0])
-
-
-GRIP = np.array([0.55, 0.0, -0.6])
-
-
-FLANGE = pose(GRIP, TOOL)
-
-
-EVERY_BRANCH = 0xFFFF
-
-
 def mounted(limb=LIMB):
     """The first limb of the robot, with the arm of `limb`, as compiled code reads it.
 

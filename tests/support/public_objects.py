@@ -13,7 +13,7 @@ import numpy as np
 from map_data import LADDER
 from small_tables import small_map, small_table
 
-from mlivr_gym import Box, stance_graph
+from mlivr_gym import Box, jem_map, stance_graph
 from mlivr_gym.agents import (
     ExpertPolicy,
     RandomPolicy,
@@ -36,7 +36,10 @@ START, TARGET = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 BOX = Box.between("box", "obstacle", (3.0, -0.5, -0.2), (3.3, -0.2, 0.1))
 IN_VIEW = Box.between("box", "obstacle", (1.0, -0.3, 0.2), (1.4, 0.3, 0.6))
 """In the picture of the ladder."""
-LOOP = "MLIVR-JEM-ClosedLoop-v0"
+LOOP, UNKNOWN = "MLIVR-JEM-ClosedLoop-v0", "MLIVR-JEM-Unknown-v0"
+JEM = jem_map()
+PART = JEM.subset((JEM.positions[:, 0] < 3.0) & (np.arange(len(JEM)) % 2 == 0), "part")
+"""Where environments of many tasks and things are quick."""
 GOAL = Goal(np.array(TARGET), 0.2, Cost.named("base"))
 
 
@@ -296,17 +299,17 @@ CASES = {
         lambda: Planner(stance_graph()).cost_to_go(TARGET), costs_to_go, costs_to_go
     ),
     "MlivrEnv": environment("MLIVR-JEM-v0", grasp_failure=0.3, tasks="far"),
-    "with layouts": environment("MLIVR-Random-v0"),
+    "with layouts": environment("MLIVR-Random-v0", map=PART),
     "with dynamics": environment("MLIVR-JEM-v0", dynamics="mujoco"),
-    "UnknownMapEnv": environment("MLIVR-JEM-Unknown-v0"),
+    "UnknownMapEnv": environment(UNKNOWN, map=PART),
     "UnseenEnv": environment("MLIVR-Unseen-v0"),
-    "ClosedLoopEnv": environment(LOOP, boxes=0, plates=0, camera=None),
+    "ClosedLoopEnv": environment(LOOP, map=PART, boxes=0, plates=0, camera=None),
     "MlivrVectorEnv": Case(vector, lambda env: env.action_masks(), play_batch),
     "ActionMaskObservation": Case(masked, lambda env: env.action_masks(), play),
     "RandomPolicy": policy(RandomPolicy),
     "ExpertPolicy": policy(ExpertPolicy),
-    "LookingPolicy": policy(lambda: LookingPolicy(RandomPolicy()), "MLIVR-JEM-Unknown-v0"),
-    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, boxes=0, plates=0, camera=None),
+    "LookingPolicy": policy(lambda: LookingPolicy(RandomPolicy()), UNKNOWN, map=PART),
+    "ReplanningPolicy": policy(ReplanningPolicy, LOOP, 1, map=PART, boxes=0, plates=0, camera=None),
     "PlanPolicy": policy(planner_policy),
     "with a baseline": policy(lambda: baseline_policy("local")),
     "Belief": Case(lambda: Belief(stance_graph(LADDER), 0.003), lambda b: b.boxes(), refused),

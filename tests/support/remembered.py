@@ -6,9 +6,6 @@ from functools import cache
 
 from mlivr_gym.stances.stance_graph import StanceGraph
 
-SOLVED = {}
-"""Postures of all stances, by map, robot, settings and stances."""
-
 
 @contextmanager
 def remembered(graph, *names):
@@ -54,15 +51,15 @@ def stances_solved_once():
 
     For commands and environments, each of which makes its own graph of the whole module.
     """
-    solve = StanceGraph.postures
+    solve, solved = StanceGraph.postures, {}
 
     def postures(graph, stances):
         if stances is not graph.pairs:
             return solve(graph, stances)
         key = (graph.grasp_map.fingerprint, graph.robot, graph.settings, stances.tobytes())
-        if key not in SOLVED:
-            SOLVED[key] = solve(graph, stances)
-        return deepcopy(SOLVED[key])
+        if key not in solved:
+            solved[key] = solve(graph, stances)
+        return deepcopy(solved[key])
 
     StanceGraph.postures = postures
     try:

@@ -12,8 +12,9 @@ from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.transitions.records import StepRecord
 
 
-@pytest.mark.parametrize("settings", [None, NO_COLLISIONS], ids=["", "no collisions"])
-@pytest.mark.parametrize("robot", ["mlivr3", "mlivr4"])
+@pytest.mark.parametrize(
+    ("robot", "settings"), [("mlivr3", None), ("mlivr4", None), ("mlivr4", NO_COLLISIONS)]
+)
 def test_steps_keep_at_most_what_the_plain_definition_says(small_map, robot, settings):
     graph, rng = stance_graph(small_map, robot, settings), np.random.default_rng(3)
     checks, kinds = graph.checks, dict.fromkeys(("none", "less", "all"), 0)

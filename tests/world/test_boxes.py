@@ -73,28 +73,6 @@ def test_a_box_is_what_it_was_after_a_file(tmp_path_factory, centre, half, turn,
     assert answer == (OBSTACLE if inside else CLEAR)
 
 
-@pytest.mark.parametrize(
-    ("entry", "message"),
-    [
-        (
-            {"id": "a", "min": [0, 0, 0], "max": [0, 1, 1]},
-            "box 'a' has its min .* not below its max",
-        ),
-        ({"id": "a", "centre": [0, 0, 0], "half": [1, -1, 1]}, r"^half\[1\] is -1.0; .* to 1000 m"),
-        ({"id": "a", "centre": [0, 0, 0]}, "^half is missing"),
-        ({"id": "a"}, "needs 'min' and 'max', or 'centre' and 'half'"),
-        (
-            {"id": "a", "min": [0, 0, 0], "max": [1, 1, 1], "half": [1, 1, 1]},
-            "unknown field 'min'",
-        ),
-        ("box", "the data is 'box'; it must be an object with id"),
-    ],
-)
-def test_faulty_boxes_are_named(entry, message):
-    with pytest.raises(ShapeError, match=message):
-        Box.from_dict(entry)
-
-
 def test_obstacles_are_read_and_faulty_files_named(tmp_path):
     box = Box.between("crate", "obstacle", (0, 0, 0), (1, 1, 1))
     path = tmp_path / "obstacles.json"

@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, Settings, stance_graph
 from mlivr_gym.errors import MapError
-from mlivr_gym.world.joining import placed_maps
 
 TURN = Rotation.from_euler("xyz", [0.3, -0.8, 2.0])
 PLACE = [3.0, -2.0, 1.0]
@@ -72,29 +71,12 @@ def test_a_part_is_named_by_file_or_name(tmp_path, monkeypatch):
     assert again.fingerprint == both.fingerprint
 
 
-def test_a_file_of_several_parts_is_read_once(tmp_path):
-    asked = []
-
-    def read(given, place):
-        asked.append(given)
-        return GraspMap.from_dict(LADDER)
-
-    parts = [part("A", "ladder.json"), part("B", "./ladder.json"), part("C", LADDER)]
-    assert len(placed_maps([*parts, part("D", "jem")], tmp_path, ("jem",), read)) == 4
-    assert asked == [(tmp_path / "ladder.json").resolve(), LADDER, "jem"]
-
-
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
         ([part(), part()], "part 'A' appears more than once"),
         ([part(rotation=np.diag([1, 1, -1]).tolist())], r"parts\[0\]\.rotation must be a right-h"),
-        ([part(given="missing.json")], "cannot read map"),
-        ([part(given=7)], r"parts\[0\]\.map"),
         ([part(given={"points": []})], r"parts\[0\]\.map.*no graspable point"),
-        ([part(), {"id": "B"}], r"parts\[1\].*map"),
-        ([part(place=[0, 0, 0])], r"parts\[0\].*place"),
-        ([part(translation=[0, 0])], r"parts\[0\]\.translation"),
     ],
 )
 def test_a_faulty_part_is_refused_with_its_entry(parts, words, tmp_path, monkeypatch):

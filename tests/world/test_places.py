@@ -3,7 +3,6 @@
 import math
 import re
 
-import gymnasium
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -27,23 +26,10 @@ def test_a_name_is_a_map_and_the_jem_is_one_of_them():
     assert as_map("jem").fingerprint == jem_map().fingerprint
 
 
-@pytest.mark.parametrize("name", ["kibo", "Truss", "trus"])
-def test_a_wrong_name_is_refused_with_the_names(name):
-    with pytest.raises(
-        MapError,
-        match=f"unknown map '{name}'; valid names are jem, truss, uslab, columbus, hatch, station",
-    ):
-        stance_graph(name)
-    with pytest.raises(
-        MapError, match="valid names are jem, truss, uslab, columbus, hatch, station"
-    ):
-        gymnasium.make("mlivr_gym:MLIVR-JEM-v0", map=name)
-
-
-def test_a_file_in_the_folder_may_have_any_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    jem_map().save("ladder")
-    assert as_map("ladder").fingerprint == jem_map().fingerprint
+def test_a_wrong_name_is_refused_with_the_names():
+    names = "jem, truss, uslab, columbus, hatch, station"
+    with pytest.raises(MapError, match=f"unknown map 'Truss'; valid names are {names}"):
+        stance_graph("Truss")
 
 
 def test_the_truss_has_the_published_size_and_its_points_lie_on_it():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.errors import MapError
 from mlivr_gym.world.grasp_map import GraspMap
 from mlivr_gym.world.rails import Handrail, Segment
 
@@ -38,7 +37,7 @@ def test_racks_carry_the_tracks_that_are_named_after_them(jem):
     assert {track.id[:-1] for track in jem.segments} == set(racks)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_track_is_a_strip_under_the_line_of_its_grasps(seed):
     """Its corners, by the ends of the line: half a width to each side, and a thickness down."""
     rng = np.random.default_rng(seed)
@@ -79,19 +78,6 @@ def test_a_handrail_is_a_bar_on_two_posts(axis):
     ends[0][along], ends[1][along] = bar_low[along] + 0.008, bar_high[along] - 0.008
     np.testing.assert_allclose(first.bounds, [low, ends[0]])
     np.testing.assert_allclose(second.bounds, [ends[1], high])
-
-
-@pytest.mark.parametrize("known", [{"bar_min": (1.0, 2.0, 3.0)}, {"bar_max": (1.1, 2.6, 3.1)}])
-def test_a_bar_of_which_one_corner_is_known_is_refused(known):
-    with pytest.raises(MapError, match="it must have both or neither"):
-        Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y", **known)
-
-
-def test_a_handrail_whose_bar_is_not_known_is_its_bounding_box():
-    rail = Handrail("H", "deck", (1.0, 2.0, 3.0), (1.1, 2.7, 3.1), "y")
-    (box,) = rail.boxes
-    assert (box.id, box.kind) == ("H", "handrail")
-    np.testing.assert_allclose(box.bounds, [(1.0, 2.0, 3.0), (1.1, 2.7, 3.1)])
 
 
 def test_points_under_a_handrail_are_left_out_however_far_it_stands_off_the_wall():

@@ -6,9 +6,7 @@ import pytest
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.planners import Planner, SearchOptions
-from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.world.grasp_map import as_map
 
 STATION = as_map("station")
@@ -95,43 +93,6 @@ def test_a_walk_through_the_hatch_is_planned_and_carried_out():
     assert abs(crossing[0] - 1.6) < 0.6325
     assert {point.split("/")[0] for point in plan.stances[-1]} == {"columbus"}
     assert execute(graph, plan).failure is None
-
-
-PASSAGE = [
-    *(f"node/aft/{rail}:{k}" for rail in ("0-", "1+") for k in range(5)),
-    *(f"{passage}/{rail}:0" for passage in ("node/aft hatch", "columbus/aft end")
-      for rail in ("0-", "1+")),
-    *(f"columbus/handrail node+:{k}" for k in (0, 2, 3)),
-]  # fmt: skip
-"""Points by which four limbs pass the hatch of the map `hatch`."""
-
-
-def test_four_limbs_pass_a_hatch_by_steps_that_a_graph_without_a_table_allows():
-    world, robot = as_map("hatch"), robot_spec("mlivr4")
-    part = world.subset(np.isin(world.ids, PASSAGE))
-    graph, plain = stance_graph(part, robot), stance_graph(part, robot)
-    build_table(graph)
-    start = ("node/aft/0-:3", "node/aft/1+:0", "node/aft/1+:4", "node/aft/0-:4")
-    plan = (
-        Planner(graph)
-        .plan(
-            start,
-            (1.6, 3.1, 0.1),
-            "steps",
-            goal_tolerance=0.2,
-            options=SearchOptions(inflation=1.0),
-        )
-        .unwrap()
-    )
-    assert plan.statistics.bound == 1.0
-    state = plain.state(start)
-    for stance in plan.stances[1:]:
-        state = plain.step_to(state, tuple(part.index(point) for point in stance))
-        assert state is not None
-    bases = plan.motion.base_positions
-    assert bases[0, 1] < 2.0 < 2.64 < bases[-1, 1]
-    crossing = bases[np.abs(bases[:, 1] - 2.44).argmin()]
-    assert abs(crossing[0] - 1.6) < 0.6325
 
 
 @pytest.mark.slow
