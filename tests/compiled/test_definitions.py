@@ -19,7 +19,6 @@ SUPPORT = (TESTS / "support", ROOT / "experiments")
 """Folders of what tests import."""
 MARKS = {"kernel", "part", "entry", "late_entry"}
 LIBRARIES = {
-    "NetworkX": "networkx",
     "SciPy": "scipy", "Pinocchio": "pinocchio", "Coal": "coal", "MuJoCo": "mujoco",
     "networkx": "networkx", "heapq": "heapq", "NumPy": "numpy", "EAIK": "eaik",
 }  # fmt: skip
