@@ -1,6 +1,7 @@
 """Public objects that were used before answer as new ones: pickled, copied, in another process."""
 
 import copy
+import gc
 import inspect
 import pickle
 from concurrent.futures import ProcessPoolExecutor
@@ -9,7 +10,17 @@ from multiprocessing import get_context
 
 import gymnasium
 import pytest
-from public_objects import CASES, GOAL, START, TARGET, asked, collect, public_classes, same
+from public_objects import (
+    CASES,
+    GOAL,
+    REMEMBERED,
+    START,
+    TARGET,
+    asked,
+    collect,
+    public_classes,
+    same,
+)
 
 from mlivr_gym.agents import evaluate
 from mlivr_gym.compiled.records import Record
@@ -52,7 +63,9 @@ def truth(name):
 @pytest.fixture(scope="module", autouse=True)
 def truth_goes_with_this_file():
     yield
-    truth.cache_clear()
+    for one in (truth, *REMEMBERED):
+        one.cache_clear()
+    gc.collect()
 
 
 def used(name):

@@ -5,6 +5,7 @@ callables and the names of their arguments are those of the reference, so that n
 too. Each argument gets a few of the values, drawn with a fixed seed; in `make slow` it gets all.
 """
 
+import gc
 import inspect
 import io
 import random
@@ -26,6 +27,7 @@ from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import shortened
 from mlivr_gym.files import write_whole
 from mlivr_gym.pictures.map_views import MapViews
+from mlivr_gym.pictures.rendering import SceneRenderer
 
 DRAWN = 2
 """How many values each argument gets in the short form."""
@@ -133,7 +135,9 @@ def things(small_map, own_folder, tmp_path_factory):
     own_folder.setattr("mlivr_gym.envs.env.stance_graph", made.graph_once)
     with suppress(ImportError):
         own_folder.setattr("mlivr_gym.agents.test_set.jem_map", lambda *_: few)
-    return made
+    yield made
+    vars(made).clear()
+    gc.collect()
 
 
 def called(function, given):
@@ -148,6 +152,8 @@ def called(function, given):
         came = function(**given)
         if inspect.isgenerator(came):
             list(came)
+        if isinstance(came, SceneRenderer):
+            came.close()
 
 
 def faults(things, page, drawn=None):

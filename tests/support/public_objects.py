@@ -239,6 +239,10 @@ def masked():
     return env
 
 
+REMEMBERED = []
+"""Environments of policies and what they did in them, to be cleared when nobody asks any more."""
+
+
 def policy(new, id="MLIVR-JEM-v0", then=3, **given):
     """A policy in the middle of an episode, which goes on."""
 
@@ -265,6 +269,7 @@ def policy(new, id="MLIVR-JEM-v0", then=3, **given):
     def before():
         return act(new(), 1)
 
+    REMEMBERED.extend((env, before))
     return Case(begun, lambda _: None, lambda one: act(one, then, before()))
 
 
@@ -279,6 +284,13 @@ def picture(renderer):
     graph = stance_graph(LADDER)
     state = graph.state(tuple(graph.points[0].tolist()))
     return renderer.render(*graph.configuration(state))
+
+
+def last_picture(renderer):
+    """A context of GL takes much memory, and whoever opened it has to close it."""
+    found = picture(renderer)
+    renderer.close()
+    return found
 
 
 CASES = {
@@ -317,7 +329,7 @@ CASES = {
         lambda: SceneRenderer(
             stance_graph(LADDER).grasp_map, stance_graph(LADDER).robot, 64, 48, [IN_VIEW], True
         ),
-        picture, picture,
+        picture, last_picture,
     ),
 }  # fmt: skip
 """Public objects that change in use, by the names of their classes or by what is special."""
