@@ -12,7 +12,7 @@ MAY_BE_MISSING = {
 }  # fmt: skip
 """Packages of the extras, by the names under which they are imported."""
 
-WORKER = 3.5e9
+WORKER = 2.7e9
 """Memory that a worker of the tests takes [B]."""
 
 
