@@ -27,8 +27,10 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 SEARCH_EXTENSION = (0.03, 2)
-"""How far the bounds extend beyond the start with more than two limbs, for the starts of further
-plans: a fraction of the cost, and a number of steps. With two limbs new bounds take little time."""
+"""How far the bounds extend beyond the start: a fraction of the cost, and a number of steps. They
+serve the starts of further plans; and where branches or occupied points make the cheapest path
+dearer than its bound, without them all nodes in between would be expanded. Two limbs, whose paths
+of fewest steps mostly cost as much as their bound, save the time of further steps."""
 
 MAX_STEPS = 1 << 14
 """Upper bound of the steps between any two nodes."""
@@ -75,7 +77,8 @@ class LowerBounds:
         smallest, largest = CACHED_GOALS
         self._cache_size = max(smallest, min(largest, CACHED_NODES // max(len(table.points), 1)))
         self._position_error = 0.0 if graph.lists_all else 2.0 * ROUNDED
-        self._extension = (0.0, 0) if graph.lists_all else SEARCH_EXTENSION
+        share, steps = SEARCH_EXTENSION
+        self._extension = share, 0 if graph.lists_all else steps
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copy the graph alone, and none of the bounds."""
