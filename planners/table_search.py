@@ -44,9 +44,10 @@ from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.node_edges import edge_ends
 from mlivr_gym.transitions.state import State
 
-WITH_OLD_BOUNDS = 1000
-"""Labels that a search expands with bounds from before some points were occupied, which mostly lead
-to the goal; to expand this many takes less time than to compute new bounds."""
+WITH_OLD_BOUNDS = 4000
+"""Labels that a search of two limbs expands with bounds from before some points were occupied.
+These mostly lead to the goal: new bounds are no tighter for a path that is dearer by less than they
+extend, see `lower_bounds.SEARCH_EXTENSION`."""
 
 FIRST_LIMIT, MANY = 500, 8000
 """Labels of two limbs that the first search expands where edges are to be checked, and the first
@@ -127,7 +128,8 @@ class TableSearch(PathSearch):
             return
         known = self._lower_bounds.cached(self.goal, self._origins.nodes)
         if known is not None and known.occupied != self.graph.occupied:
-            yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
+            if (known.h == 0.0).any():  # otherwise the goal is occupied
+                yield known, (by_cost._replace(max_expansions=WITH_OLD_BOUNDS),)
             known = None
         bounds, limit = known or self._present_bounds(self.goal), FIRST_LIMIT
         if is_complete:
