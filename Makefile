@@ -88,7 +88,6 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/concept_labels.py
 	$(BIN)/python experiments/notebooks.py
 	$(BIN)/python experiments/benchmark_env.py
-	$(BIN)/python experiments/random_layouts.py
 	$(BIN)/python experiments/places.py
 	$(BIN)/python experiments/place_pictures.py
 	$(BIN)/python experiments/start_up.py
@@ -98,7 +97,6 @@ results: $(VENV)/.dev
 compare: $(VENV)/.dev
 	$(BIN)/python experiments/train_policies.py
 	$(BIN)/python experiments/planner_vs_rl.py
-	$(BIN)/python experiments/reference_curves.py
 	$(BIN)/python experiments/unknown_map.py
 	$(BIN)/python experiments/readme.py
 
