@@ -6,6 +6,8 @@ import ast
 import inspect
 import pydoc
 import re
+from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -105,9 +107,37 @@ def with_lines(text: str) -> str:
     return PLACE.sub(lambda match: f"{match[1]} (line {line_of(match[2], match[3])})", text)
 
 
+SHOWN = re.compile(r"(\.\. automodule:: ([\w.]+)\n   :members: )PUBLIC\n((?:   .*\n)*```\n)")
+"""Where a page of the reference has all names of a package."""
+
+
+def constants(package: str) -> dict[str, str]:
+    """The constants that a package shows, with the docstrings below them."""
+    face, found = ast.parse(inspect.getsource(import_module(package))), {}
+    for node in ast.walk(face):
+        if isinstance(node, ast.ImportFrom):
+            body = ast.parse(inspect.getsource(import_module(str(node.module)))).body
+            names = {alias.name for alias in node.names}
+            for made, text in pairwise(body):
+                if isinstance(made, ast.Assign | ast.AnnAssign) and isinstance(text, ast.Expr):
+                    kept = {part.id for part in ast.walk(made) if isinstance(part, ast.Name)}
+                    found |= dict.fromkeys(kept & names, ast.literal_eval(text.value))
+    return found
+
+
+def shown(match: re.Match[str]) -> str:
+    """The names of a package: functions and classes by their docstrings, constants in a list."""
+    package = import_module(match[2])
+    texts = {name: text for name, text in constants(match[2]).items() if name in package.__all__}
+    members = ", ".join(name for name in package.__all__ if name not in texts)
+    below = "".join(f"* `{name}`: {' '.join(text.split())}\n" for name, text in texts.items())
+    return f"{match[1]}{members}\n{match[3]}\n{below}"
+
+
 def filled(app: Any, docname: str, source: list[str]) -> None:
-    """Put docstrings and lines where pages ask for them."""
-    source[0] = with_lines(DOCSTRING.sub(lambda match: described(match[1]), source[0]))
+    """Put docstrings, names and lines where pages ask for them."""
+    text = DOCSTRING.sub(lambda match: described(match[1]), source[0])
+    source[0] = with_lines(SHOWN.sub(shown, text))
 
 
 PAGES = {
