@@ -107,12 +107,12 @@ def with_lines(text: str) -> str:
     return PLACE.sub(lambda match: f"{match[1]} (line {line_of(match[2], match[3])})", text)
 
 
-SHOWN = re.compile(r"(\.\. automodule:: ([\w.]+)\n   :members: )PUBLIC\n((?:   .*\n)*```\n)")
-"""Where a page of the reference has all names of a package."""
+FURTHER = re.compile(r"^<!-- further names ([\w.]+) -->$", re.MULTILINE)
+"""Where a page of the reference lists the names of a package that it does not describe."""
 
 
 def constants(package: str) -> dict[str, str]:
-    """The constants that a package shows, with the docstrings below them."""
+    """The docstrings below constants that a package shows."""
     face, found = ast.parse(inspect.getsource(import_module(package))), {}
     for node in ast.walk(face):
         if isinstance(node, ast.ImportFrom):
@@ -120,24 +120,30 @@ def constants(package: str) -> dict[str, str]:
             names = {alias.name for alias in node.names}
             for made, text in pairwise(body):
                 if isinstance(made, ast.Assign | ast.AnnAssign) and isinstance(text, ast.Expr):
-                    kept = {part.id for part in ast.walk(made) if isinstance(part, ast.Name)}
+                    kept = {
+                        part.id
+                        for part in ast.walk(made)
+                        if isinstance(part, ast.Name) and isinstance(part.ctx, ast.Store)
+                    }
                     found |= dict.fromkeys(kept & names, ast.literal_eval(text.value))
     return found
 
 
-def shown(match: re.Match[str]) -> str:
-    """The names of a package: functions and classes by their docstrings, constants in a list."""
-    package = import_module(match[2])
-    texts = {name: text for name, text in constants(match[2]).items() if name in package.__all__}
-    members = ", ".join(name for name in package.__all__ if name not in texts)
-    below = "".join(f"* `{name}`: {' '.join(text.split())}\n" for name, text in texts.items())
-    return f"{match[1]}{members}\n{match[3]}\n{below}"
+def further(package: str, page: str) -> str:
+    """The names that a package shows and a page does not describe, with their first sentences."""
+    module, texts = import_module(package), constants(package)
+    names = [name for name in module.__all__ if not re.search(rf"\b{name}\b", page)]
+    docs = {name: texts.get(name) or getattr(module, name).__doc__ for name in names}
+    lines = [
+        f"* `{name}`: {' '.join(doc.split(chr(10) * 2)[0].split())}" for name, doc in docs.items()
+    ]
+    return "\n".join(["The package also shows, for extensions and experiments:", "", *lines])
 
 
 def filled(app: Any, docname: str, source: list[str]) -> None:
     """Put docstrings, names and lines where pages ask for them."""
     text = DOCSTRING.sub(lambda match: described(match[1]), source[0])
-    source[0] = with_lines(SHOWN.sub(shown, text))
+    source[0] = with_lines(FURTHER.sub(lambda match: further(match[1], text), text))
 
 
 PAGES = {
