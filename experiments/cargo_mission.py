@@ -10,12 +10,15 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
+import numpy as np
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import stance_graph
 from mlivr_gym.extensions.cargo import CargoMission, plan_cargo_mission
+from mlivr_gym.motion import JointPath
 from mlivr_gym.robot import Cargo
-from mlivr_gym.simulation import PACES
+from mlivr_gym.simulation import PACES, Recording
 
 START, PICK, STOW = ("F3b:3", "F4a:2", "D3b:0"), "D2b:3", "F3b:6"
 """Points held at the start, and those on which the bag stands and shall stand."""
@@ -38,15 +41,30 @@ def missions(task: int, mass: float) -> dict[str, Any]:
     row: dict[str, Any] = {"limb": mission.limb, "steps": [len(p.steps) for p in mission.plans]}
     for pace in ("fast", "gentle"):
         parts = mission.execute(PACES[pace])
+        moved = zip(("pick up", "fold", "stow"), mission.motions, strict=True)
         row[pace] = {
             "times": dict.fromkeys(PARTS, 0.0)
-            | {part.name: float(part.recording.times[-1]) for part in parts},
-            "force": max(float(part.peaks.grasp_force.max()) for part in parts),
-            "torque": max(float(part.peaks.grasp_torque.max()) for part in parts),
-            "miss": max(part.miss for part in parts),
-            "failed": parts[-1].failure is not None,
+            | {name: float(part.recording.times[-1]) for name, part in parts.items()},
+            "force": max(float(part.peaks.grasp_force.max()) for part in parts.values()),
+            "torque": max(float(part.peaks.grasp_torque.max()) for part in parts.values()),
+            "miss": max(
+                miss(one.path, parts[name].recording) for name, one in moved if name in parts
+            ),
+            "failed": any(part.failure is not None for part in parts.values()),
         }
     return row
+
+
+def miss(path: JointPath, recording: Recording) -> float:
+    """Return how far the gripper is from where the path of its limb ends [m]."""
+    model = mujoco.MjModel.from_xml_string(path.robot.to_mjcf())
+    data, places, planned = mujoco.MjData(model), [], path.samples(2)
+    ends = planned.base_positions[-1], planned.base_quaternions[-1], planned.joint_positions[-1]
+    for position, quaternion, joints in (ends, recording.configuration(-1)):
+        data.qpos[:] = np.concatenate([position, quaternion, joints.ravel()])
+        mujoco.mj_kinematics(model, data)
+        places.append(data.site(f"limb{path.limb}/grasp").xpos.copy())
+    return float(np.linalg.norm(places[0] - places[1]))
 
 
 def measured(workers: int) -> dict[str, Any]:

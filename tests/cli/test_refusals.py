@@ -30,7 +30,7 @@ simulate --case 3 --occupied D1a:4            : --occupied has no effect with --
 evaluate --split same --episodes 3            : --episodes has no effect
 train --method bc --shaping                   : --shaping has no effect
 dataset --lerobot x --id a-v0                 : --id has no effect with --lerobot
-view --plan a --execution b                   : only one of --plan and --execution
+view --plan a --execution b                   : --plan has no effect with --execution
 """
 """Command lines, and words of what is told."""
 

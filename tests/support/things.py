@@ -22,7 +22,8 @@ from mlivr_gym.envs.task import Task
 from mlivr_gym.envs.vector_env import MlivrVectorEnv
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.envs_assets import asset_path
-from mlivr_gym.extensions.cargo.cargo_mission import CargoMission, MissionPart
+from mlivr_gym.extensions.cargo.arm_motion import LimbMotion
+from mlivr_gym.extensions.cargo.cargo_mission import CargoMission
 from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
@@ -139,11 +140,16 @@ def walked(things):
 
 
 def mission(things):
-    knots = np.tile(things.joints[0], (2, 1))
     plan = things["Plan"]
     bag = Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1))
     plan = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(bag,)))
-    return CargoMission(0, things["Cargo"], (things["StanceGraph"],) * 2, (plan,) * 2, (knots,) * 3)
+    graphs, motions = (things["StanceGraph"],) * 2, (limb_motion(things),) * 3
+    return CargoMission(0, graphs, (plan,) * 2, motions)
+
+
+def limb_motion(things):
+    plan = things["Plan"]
+    return LimbMotion(plan.joint_path(0), things["StanceGraph"].indices(plan.stances[0]))
 
 
 def unseen(things):
@@ -251,7 +257,7 @@ MAKERS = {
     )[0],
     "Reach": lambda of: mlivr("extensions.failed_joints").Reach(3, 1),
     "Candidate": lambda of: Candidate(of["Plan"], "base", None, 1.0, 1.0, 1.0),
-    "MissionPart": lambda of: MissionPart("walk", of["Recording"], of["Peaks"], None, 0.0),
+    "LimbMotion": lambda of: limb_motion(of),
     "CargoMission": mission,
     "ClosedLoopRecord": walked,
     "Event": lambda of: Event("end", 0.0, {"outcome": "arrived", "reason": ""}),

@@ -5,22 +5,11 @@ from typing import TYPE_CHECKING
 from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
-    from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry, BenchmarkError
-    from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TrainingEnv
-    from mlivr_gym.extensions.benchmark.replay import check
-    from mlivr_gym.extensions.benchmark.runner import run
-    from mlivr_gym.extensions.benchmark.table import markdown_table
+    from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry, markdown_table
+    from mlivr_gym.extensions.benchmark.protocol import TrainingEnv
+    from mlivr_gym.extensions.benchmark.runner import check, run
 
-__all__ = [
-    "BUDGETS",
-    "ENVIRONMENT_IDS",
-    "BenchmarkEntry",
-    "BenchmarkError",
-    "TrainingEnv",
-    "check",
-    "markdown_table",
-    "run",
-]
+__all__ = ["BenchmarkEntry", "TrainingEnv", "check", "markdown_table", "run"]
 
 COMMANDS = {
     "benchmark": (

@@ -6,14 +6,13 @@ import argparse
 from pathlib import Path
 
 from mlivr_gym.cli.arguments import option, refuse_without_effect
-from mlivr_gym.cli.outputs import all_or_none, check_outputs
+from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
-from mlivr_gym.extensions.benchmark.entry import EPISODES, PICTURE, SUMMARY, BenchmarkEntry
+from mlivr_gym.extensions.benchmark.entry import EPISODES, SUMMARY, BenchmarkEntry, markdown_table
 from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS
-from mlivr_gym.extensions.benchmark.replay import check
+from mlivr_gym.extensions.benchmark.runner import check
 from mlivr_gym.extensions.benchmark.runner import run as run_policy
-from mlivr_gym.extensions.benchmark.table import markdown_table
 from mlivr_gym.schema import Choice, Integer
 
 OF_RUN = ("policy", "budget", "seeds", "environment", "tasks", "out")
@@ -41,8 +40,8 @@ def run(args: argparse.Namespace) -> None:
     """Run a policy through the benchmark, check entries, or list them in a table.
 
     `run` trains or loads a policy, evaluates it on the 200 held-out tasks of each environment, and
-    writes summary.json, episodes.csv and scores.png. It does so after each environment and seed,
-    and goes on with the entry that is in the folder. `check` replays the actions of entries and
+    writes summary.json and episodes.csv. It does so after each environment and seed, and goes on
+    with the entry that is in the folder. `check` replays the actions of entries and
     refuses those that do not add up. `table` prints the Markdown table of entries.
     """
     if args.action == "run":
@@ -58,8 +57,8 @@ def run(args: argparse.Namespace) -> None:
         print(args.result["table"], end="")
         return
     for folder in args.folders:
-        with Progress(f"episodes of {folder}", quiet=args.quiet) as progress:
-            entry = check(folder, progress=progress.show)
+        with Progress(f"episodes of {folder}", quiet=args.quiet):
+            entry = check(folder)
         args.result[folder] = entry.summary["results"]
         print(f"{folder}: {len(entry.rows)} episodes add up")
 
@@ -72,20 +71,15 @@ def _run(args: argparse.Namespace) -> None:
     if missing:
         raise SettingError(f"run needs {', '.join(missing)}")
     folder = Path(args.out)
-    files = [folder / name for name in (SUMMARY, EPISODES, PICTURE)]
+    files = [folder / name for name in (SUMMARY, EPISODES)]
     entry = BenchmarkEntry.read(folder) if files[0].exists() else None
     if entry is None:
         check_outputs(*files, folder=folder)
     names = ENVIRONMENT_IDS if args.environment is None else (args.environment,)
-
-    def save(entry: BenchmarkEntry) -> None:
-        with all_or_none(args, folder):
-            entry.write(folder)
-
-    with Progress("episodes", quiet=args.quiet) as progress:
+    with Progress("episodes", quiet=args.quiet):
         entry = run_policy(
-            args.policy, args.budget, args.seeds, names, args.tasks or TASKS, entry=entry,
-            save=save, progress=progress.show,
+            args.policy, args.budget, args.seeds, names, args.tasks or TASKS,
+            entry=entry, save=lambda entry: entry.write(folder),
         )  # fmt: skip
     args.result |= {"folder": folder, "results": entry.summary["results"]}
     for name, result in entry.summary["results"].items():

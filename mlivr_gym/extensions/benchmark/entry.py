@@ -1,6 +1,6 @@
-"""An entry of the benchmark: every episode of a policy, and what follows from them.
+"""An entry of the benchmark: every episode of a policy, what follows from them, and the table.
 
-It is a folder with `summary.json`, `episodes.csv` and the picture `scores.png`.
+It is a folder with `summary.json` and `episodes.csv`.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,12 +17,11 @@ import numpy as np
 
 from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, MAX_ACTIONS
-from mlivr_gym.files import read_json, write_whole, written_together
-from mlivr_gym.pictures import new_figure, save_figure
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS
+from mlivr_gym.files import make_folder, read_json, write_whole, written_together
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Integer, ListOf
 
-SUMMARY, EPISODES, PICTURE = "summary.json", "episodes.csv", "scores.png"
+SUMMARY, EPISODES = "summary.json", "episodes.csv"
 """Names of the files."""
 
 SUMMARY_FIELDS = Fields(
@@ -89,7 +88,8 @@ class BenchmarkEntry:
     """The episodes, by environment, seed and task."""
 
     def write(self, folder: str | Path) -> None:
-        """Write the files of the entry into a folder, which exists."""
+        """Write the files of the entry into a folder, which is made if it is missing."""
+        make_folder(folder)
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(EpisodeRow._fields)
@@ -100,22 +100,22 @@ class BenchmarkEntry:
         with written_together():
             write_whole(Path(folder, SUMMARY), json.dumps(self.summary, indent=1) + "\n")
             write_whole(Path(folder, EPISODES), text.getvalue())
-            save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
     @property
-    def parts(self) -> dict[tuple[str, int], int]:
-        """Place of each environment and seed with episodes among what the summary has for each."""
-        found = dict.fromkeys((row.environment, row.seed) for row in self.rows)
-        return {part: k for k, part in enumerate(found)}
+    def parts(self) -> dict[tuple[str, int], tuple[int, float]]:
+        """Environment steps and processor time [s] of each environment and seed, by both."""
+        costs = zip(*(self.summary[name] for name in BY_SEED), strict=True)
+        return dict(zip(_parts(self.rows), costs, strict=True))
 
-    def joined(self, other: BenchmarkEntry) -> BenchmarkEntry:
-        """Return this entry with the environments and seeds of another, which it lacks."""
-        rows = tuple(sorted((*self.rows, *other.rows), key=_order))
-        sources = {part: (one, k) for one in (self, other) for part, k in one.parts.items()}
-        order = [sources[part] for part in BenchmarkEntry({}, rows).parts]
-        told: dict[str, Any] = {by: [one.summary[by][k] for one, k in order] for by in BY_SEED}
-        told |= {"seeds": max(row.seed for row in rows) + 1, "results": results_of(rows)}
-        return BenchmarkEntry(self.summary | told, rows)
+    def with_part(self, rows: Sequence[EpisodeRow], steps: int, seconds: float) -> BenchmarkEntry:
+        """Return this entry with the episodes of one more environment and seed, and their costs."""
+        every = (*self.rows, *rows)
+        every = tuple(sorted(every, key=lambda row: (ENVIRONMENT_IDS.index(row[0]), *row[1:3])))
+        known = self.parts | dict.fromkeys(_parts(rows), (steps, seconds))
+        costs = zip(*(known[part] for part in _parts(every)), strict=True)
+        more: dict[str, Any] = dict(zip(BY_SEED, map(list, costs), strict=True))
+        more |= {"seeds": max(row.seed for row in every) + 1, "results": results_of(every)}
+        return BenchmarkEntry(self.summary | more, every)
 
     @classmethod
     def read(cls, folder: str | Path) -> BenchmarkEntry:
@@ -132,9 +132,9 @@ class BenchmarkEntry:
         return cls(summary, rows)
 
 
-def _order(row: EpisodeRow) -> tuple[int, int, int]:
-    """Return the place of an episode: by environment, seed and task."""
-    return ENVIRONMENT_IDS.index(row.environment), row.seed, row.task
+def _parts(rows: Sequence[EpisodeRow]) -> list[tuple[str, int]]:
+    """Return the environments and seeds of episodes in their order."""
+    return list(dict.fromkeys((row.environment, row.seed) for row in rows))
 
 
 COLUMNS: tuple[Callable[[str], Any], ...] = (
@@ -171,18 +171,31 @@ def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
     return results
 
 
-def score_figure(rows: Sequence[EpisodeRow]) -> Any:
-    """Return a figure of the share of tasks by score, a line for each environment."""
-    figure = new_figure(6.0, 3.6)
-    axes = figure.add_subplot()
-    for name in ENVIRONMENT_IDS:
-        scores = np.sort([row.score for row in rows if row.environment == name])[::-1]
-        if len(scores):
-            share = 100.0 * np.arange(1, len(scores) + 1) / len(scores)
-            axes.step(share, scores, where="pre", label=f"{name}: {scores.mean():.3f}")
-    axes.set(xlim=(0, 100), ylim=(0, 1.02), xlabel="tasks [%]")
-    axes.set_ylabel(f"reference / cost (0: not in {MAX_ACTIONS} actions)")
-    axes.grid(alpha=0.25)
-    axes.legend(frameon=False, loc="lower left")
-    figure.set_layout_engine("constrained")
-    return figure
+def markdown_table(entries: Mapping[str, BenchmarkEntry]) -> str:
+    """Return a table of entries by name, the best mean score first.
+
+    For each environment it has the score, with percentiles over seeds if there are several, and the
+    success; then the time a task, and steps and processor time of an environment and seed.
+    """
+    costs = "time a task [ms]", "steps", "processor [s]"
+    head = ["entry", "budget", "uses", *ENVIRONMENT_IDS, *costs]
+    rows = []
+    for name, entry in entries.items():
+        told, results = entry.summary, entry.summary["results"]
+        cells = [_score(results[env]) if env in results else "" for env in ENVIRONMENT_IDS]
+        score = sum(one["score"] for one in results.values()) / len(ENVIRONMENT_IDS)
+        time = np.mean([one["milliseconds_a_task"] for one in results.values()])
+        steps, seconds = max(told["environment_steps"]), np.mean(told["processor_seconds"])
+        budget = told["budget"] if told["budget"] == "planner" else f"MLIVR-{told['budget']}"
+        spent = f"{time:.3g}", f"{steps:,}", f"{seconds:.3g}"
+        rows.append((score, [name, budget, told["uses"], *cells, *spent]))
+    rows.sort(key=lambda row: -row[0])
+    lines = [head, ["---"] * len(head), *(cells for _, cells in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _score(result: Mapping[str, Any]) -> str:
+    """Return the cell of an environment."""
+    low, high = result["score_percentiles"]
+    interval = f" [{low:.3f}, {high:.3f}]" if result["seeds"] > 1 else ""
+    return f"{result['score']:.3f}{interval} ({100 * result['success']:.0f} %)"

@@ -1,4 +1,4 @@
-"""Running a policy through the benchmark: it trains or loads, and is evaluated on all tasks."""
+"""Running a policy through the benchmark, and checking an entry by running its actions again."""
 
 from __future__ import annotations
 
@@ -9,26 +9,32 @@ import time
 from collections.abc import Callable, Sequence
 from importlib import import_module, metadata
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 from mlivr_gym import __version__
 from mlivr_gym.agents import Policy
-from mlivr_gym.agents.evaluation import Episode
-from mlivr_gym.arguments import checked
+from mlivr_gym.agents.evaluation import run_episode
 from mlivr_gym.arrays import BoolArray
 from mlivr_gym.envs import MlivrEnv, Observation
 from mlivr_gym.errors import SettingError, shortened
-from mlivr_gym.extensions.benchmark.entry import BenchmarkEntry, EpisodeRow, results_of
+from mlivr_gym.extensions.benchmark.entry import (
+    BY_SEED,
+    BenchmarkEntry,
+    BenchmarkError,
+    EpisodeRow,
+    results_of,
+)
 from mlivr_gym.extensions.benchmark.protocol import (
     BUDGETS,
     ENVIRONMENT_IDS,
+    MAX_ACTIONS,
     TASKS,
-    BestPlan,
     TrainingEnv,
-    held_out_tasks,
+    environment,
+    reference,
 )
-from mlivr_gym.schema import Choice, FieldPath, Integer, ListOf, OrNone
-from mlivr_gym.settings import GRAPH_RULES
+from mlivr_gym.settings import GRAPH_RULES, check_rules
 
 SEEDS = 3
 """Number of seeds with which a policy is trained."""
@@ -42,9 +48,9 @@ class FunctionPolicy:
         self._function = function
 
     def act(self, env: MlivrEnv, observation: Observation, mask: BoolArray) -> int:
-        """Return the action of the function; a `SettingError` if it is none."""
-        place = FieldPath("action of the policy", SettingError)
-        return Integer(0, len(mask) - 1).read(self._function(observation, mask), place)
+        """Return the action of the function, which the environment checks."""
+        action: int = self._function(observation, mask)
+        return action
 
 
 def policy_maker(place: str) -> Callable[[], Policy]:
@@ -70,14 +76,6 @@ def policy_maker(place: str) -> Callable[[], Policy]:
     return lambda: FunctionPolicy(policy)
 
 
-@checked(
-    {
-        "budget": Choice(tuple(BUDGETS)),
-        "seeds": OrNone(Integer(1, 100)),
-        "environments": ListOf(Choice(ENVIRONMENT_IDS), 1, len(ENVIRONMENT_IDS)),
-        "tasks": Integer(1, TASKS),
-    }
-)
 def run(
     place: str,
     budget: str,
@@ -86,32 +84,32 @@ def run(
     tasks: int = TASKS,
     *,
     entry: BenchmarkEntry | None = None,
-    save: Callable[[BenchmarkEntry], None] | None = None,
-    progress: Callable[[int], None] | None = None,
+    save: Callable[[BenchmarkEntry], None] = lambda entry: None,
 ) -> BenchmarkEntry:
     """Train a policy, see `policy_maker`, within a budget, and return its episodes.
 
     A policy is made anew for each of `seeds` (by default 3, and 1 for one that is not trained) and
     each environment. One that loads what was learned before, or learns elsewhere, says in its
     attribute `environment_steps` from how many steps. What `entry` has is not run again. `save`
-    gets the entry after each environment and seed, and `progress` the number of finished episodes.
-    Raises a `SettingError` if an argument cannot be used, or the budget is exceeded.
+    gets the entry after each environment and seed. Raises a `SettingError` if an argument cannot be
+    used, or the budget is exceeded.
     """
     make = policy_maker(place)
     learns = hasattr(make, "train")
     if learns and not BUDGETS[budget]:
         raise SettingError(f"policy {place!r} is trained; give it a budget other than {budget!r}")
     told = {"policy": place, "budget": budget, "tasks": tasks, "graph_rules": GRAPH_RULES}
-    before = told if entry is None else entry.summary
+    if entry is None:
+        uses = "environment" if isinstance(make, type) else "observation"
+        counts = {"seeds": 0} | dict.fromkeys(BY_SEED, ())
+        entry = BenchmarkEntry(told | {"uses": uses} | _machine() | counts, ())
     for name, value in told.items():
-        if before[name] != value:
-            raise SettingError(f"the entry has {name} {before[name]!r}, not {value!r}")
-    told |= {"uses": "environment" if isinstance(make, type) else "observation", **_machine()}
+        if entry.summary[name] != value:
+            raise SettingError(f"the entry has {name} {entry.summary[name]!r}, not {value!r}")
     for seed, name in product(range(seeds or (SEEDS if learns else 1)), environments):
-        if entry is not None and (name, seed) in entry.parts:
+        if (name, seed) in entry.parts:
             continue
-        held_out, rows = held_out_tasks(name), list[EpisodeRow]()
-        training = TrainingEnv(held_out.env, BUDGETS[budget])
+        training = TrainingEnv(environment(name), BUDGETS[budget])
         began = time.process_time()
         policy: Any = make()
         if learns:
@@ -119,18 +117,18 @@ def run(
         steps = max(training.environment_steps, int(getattr(policy, "environment_steps", 0)))
         if steps > BUDGETS[budget]:
             raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
-        for task in range(tasks):
-            rows.append(_row(name, seed, task, held_out.run(policy, task)))
-            if progress is not None:
-                progress(len(rows) + (0 if entry is None else len(entry.rows)))
-        spent = round(time.process_time() - began, 3)
-        counts = {"seeds": 1, "environment_steps": [steps], "processor_seconds": [spent]}
-        part = BenchmarkEntry(told | counts | {"results": results_of(rows)}, tuple(rows))
-        entry = part if entry is None else entry.joined(part)
-        if save is not None:
-            save(entry)
-    assert entry is not None
+        rows = [episode_row(name, seed, task, policy) for task in range(tasks)]
+        entry = entry.with_part(rows, steps, round(time.process_time() - began, 3))
+        save(entry)
     return entry
+
+
+def episode_row(name: str, seed: int, task: int, policy: Policy) -> EpisodeRow:
+    """Return the episode of a policy, trained with a seed, in a task of an environment."""
+    found = run_episode(environment(name), policy, {"task": task}, None, MAX_ACTIONS)
+    times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
+    told = found.success, -float(found.total_reward), *reference(name, task)
+    return EpisodeRow(name, seed, task, *told, found.actions, times)
 
 
 def _machine() -> dict[str, Any]:
@@ -143,9 +141,47 @@ def _machine() -> dict[str, Any]:
     }
 
 
-def _row(name: str, seed: int, task: int, result: tuple[Episode, BestPlan]) -> EpisodeRow:
-    """Return the row of an episode in a task with its reference."""
-    found, reference = result
-    times = tuple(round(1e3 * seconds, 3) for seconds in found.decisions)
-    cost = -float(found.total_reward)
-    return EpisodeRow(name, seed, task, found.success, cost, *reference, found.actions, times)
+def check(folder: str | Path, tasks: int = TASKS) -> BenchmarkEntry:
+    """Return the entry in a folder if it adds up.
+
+    Each environment must have the first `tasks` tasks for each seed. Their actions are replayed;
+    success, cost, reference and what the summary tells must follow. Raises a `BenchmarkError` that
+    names the first fault.
+    """
+    entry = BenchmarkEntry.read(folder)
+    summary, rows = entry.summary, entry.rows
+    check_rules("the entry", summary["graph_rules"], "run it again", BenchmarkError)
+    if summary["tasks"] != tasks:
+        raise BenchmarkError(f"the entry has {summary['tasks']} tasks; it must have {tasks}")
+    seeds = {name: result["seeds"] for name, result in results_of(rows).items()}
+    expected = [(name, *at) for name, n in seeds.items() for at in product(range(n), range(tasks))]
+    if [row[:3] for row in rows] != expected or not rows:
+        raise BenchmarkError(f"the episodes are not those of {tasks} tasks and each seed in turn")
+    _same("seeds", summary["seeds"], max(seeds.values()))
+    most = max(summary["environment_steps"], default=0)
+    if most > BUDGETS[summary["budget"]]:
+        raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
+    for row in rows:
+        _check_row(row)
+    _same("results", summary["results"], results_of(rows))
+    return entry
+
+
+def _check_row(row: EpisodeRow) -> None:
+    """Replay an episode; the error names what does not follow."""
+    place, actions = f"{row.environment}, seed {row.seed}, task {row.task}", iter(row.actions)
+    replay = FunctionPolicy(lambda observation, mask: next(actions))
+    try:
+        found = episode_row(row.environment, row.seed, row.task, replay)
+    except StopIteration:
+        text = f"{place}: the episode goes on after its {len(row.actions)} actions"
+        raise BenchmarkError(text) from None
+    for name in ("success", "cost", "reference", "bound", "actions"):
+        _same(f"{place}: {name}", getattr(row, name), getattr(found, name))
+    _same(f"{place}: number of times", len(row.milliseconds), len(row.actions))
+
+
+def _same(place: str, told: Any, found: Any) -> None:
+    """Refuse what is told if it differs from what was found."""
+    if told != found:
+        raise BenchmarkError(f"{place} is told as {told!r}; the replay gives {found!r}")

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.arguments import chosen_map, chosen_settings, option, walk_options, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
-from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.cli.robots import described_robot
 from mlivr_gym.errors import SettingError
-from mlivr_gym.files import write_whole
 from mlivr_gym.robot import MOST_LIMBS
 from mlivr_gym.schema import Integer
 
@@ -25,7 +22,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     option(parser, "--limb LIMB", text, valid=Integer(0, MOST_LIMBS - 1))
     option(parser, "--pick POINT", "id of the point on which the bag stands")
     option(parser, "--stow POINT", "id of the point on which it shall stand")
-    option(parser, "--out FILE", "write limb, plans and measurements to a JSON file")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -37,7 +33,6 @@ def run(args: argparse.Namespace) -> int:
     from mlivr_gym.extensions.cargo.cargo_mission import plan_cargo_mission
     from mlivr_gym.simulation import PACES as LIMITS
 
-    check_outputs(args.out, inputs=input_files(args))
     for name in ("cargo", "start", "pick", "stow"):
         if getattr(args, name) is None:
             raise SettingError(f"--{name} is missing; carry needs --cargo, --start, --pick, --stow")
@@ -51,24 +46,14 @@ def run(args: argparse.Namespace) -> int:
         parts = mission.execute(LIMITS[args.pace])
     print(f"limb {mission.limb} carries; walks of {len(mission.plans[0].steps)} steps to the bag "
           f"and {len(mission.plans[1].steps)} with it")  # fmt: skip
-    rows = [
-        {
-            "part": part.name,
-            "time": float(part.recording.times[-1]),
-            "peak_force": float(part.peaks.grasp_force.max()),
-            "miss": part.miss,
-            "failure": None if part.failure is None else part.failure.to_dict(),
-        }
-        for part in parts
-    ]
-    for row in rows:
-        print(f"{row['part']:8} {row['time']:6.1f} s, at most {row['peak_force']:.0f} N at a grasp")
-    failure = parts[-1].failure
+    args.result |= {"limb": mission.limb, "parts": {}}
+    for name, part in parts.items():
+        time, force = float(part.recording.times[-1]), float(part.peaks.grasp_force.max())
+        print(f"{name:8} {time:6.1f} s, at most {force:.0f} N at a grasp")
+        args.result["parts"][name] = {"time": time, "peak_force": force}
+    failure = parts[list(parts)[-1]].failure
     print("stowed" if failure is None else f"failed: {failure.message}")
-    args.result |= {"limb": mission.limb, "cost": mission.cost, "parts": rows}
+    args.result["failure"] = None if failure is None else failure.to_dict()
     args.result["plans"] = [plan.to_dict() for plan in mission.plans]
-    args.result["motions"] = [knots.tolist() for knots in mission.motions]
-    if args.out:
-        write_whole(args.out, json.dumps(args.result, indent=1))
-        print(f"mission: {args.out}")
+    args.result["motions"] = [motion.path.knots.tolist() for motion in mission.motions]
     return SUCCESS if failure is None else FAILED

@@ -21,7 +21,7 @@ from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.limb_meshes import show_limbs
 from mlivr_gym.pictures.rendering import MARGIN
 from mlivr_gym.pictures.robot_shapes import geom_corners
-from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS, plan_base_path
+from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.simulation import scene_spec
@@ -32,17 +32,11 @@ from mlivr_gym.world import BOX, Box, GraspMap, scene_name
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
 """Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""
 
-OCCUPIED_SCALE = 1.8
-"""Factor by which occupied points are enlarged."""
-
 POINT_COLOUR, OCCUPIED_COLOUR = "#f2bf1a", "#1b1b1f"
 """Colours of points, and of occupied ones."""
 
 AZIMUTH, ELEVATION = 80.0, -4.0
 """Angles of the initial line of sight [deg]."""
-
-PREVIOUS_COLOUR = "#9fc7a5"
-"""Colour of the previous plan's base path."""
 
 
 def draw_stage(page: Page, grasp_map: GraspMap, robot: RobotSpec, capsules: bool) -> mujoco.MjModel:
@@ -122,7 +116,6 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
             quaternions,
             grasp_map.positions[chosen],
             batched_colors=np.zeros((len(chosen), 3), dtype=np.uint8),
-            batched_scales=np.ones(len(chosen), dtype=np.float32),
             lod="off",
             flat_shading=True,
             cast_shadow=False,
@@ -131,16 +124,14 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
 
 
 def colour_points(page: Page, grasp_map: GraspMap, occupied: Collection[int]) -> None:
-    """Set the colours of the graspable points; occupied ones are dark, and larger."""
+    """Set the colours of the graspable points; occupied ones are dark."""
     is_occupied = np.isin(np.arange(len(grasp_map)), list(occupied))
-    scales = np.where(is_occupied, OCCUPIED_SCALE, 1.0).astype(np.float32)
     # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
     share = to_rgba_array(np.where(is_occupied, OCCUPIED_COLOUR, POINT_COLOUR))[:, :3]
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():
-        node = page.nodes[f"points/{face}"]
-        node.batched_colors, node.batched_scales = colours[chosen], scales[chosen]
+        page.nodes[f"points/{face}"].batched_colors = colours[chosen]
 
 
 def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:
@@ -164,12 +155,9 @@ def _node(link: str) -> str:
     return f"robot/{link.replace('/', '.')}"
 
 
-def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None, previous: Plan | None) -> None:
-    """Draw base path and footholds of a plan, numbered by stance, and the path of the previous."""
+def draw_plan(page: Page, grasp_map: GraspMap, plan: Plan | None) -> None:
+    """Draw base path and footholds of a plan, numbered by stance."""
     page.clear("plan")
-    if previous is not None:
-        path, pale = plan_base_path(previous), to_rgba(PREVIOUS_COLOUR)
-        page.line("plan/previous", path, pale, 1.6 * PATH_RADIUS)
     if plan is None:
         return
     route = Route.of(grasp_map, plan)
@@ -197,8 +185,9 @@ def aim_camera(page: Page, positions: Array, aspect: float) -> Array:
 
 def hide_walls(page: Page, grasp_map: GraspMap, eye: Array) -> None:
     """Hide the walls and points that a camera at `eye` [m] sees from behind."""
-    for face, chosen in points_by_face(grasp_map).items():
-        inward = grasp_map.normals[chosen].mean(axis=0)
-        seen = float((eye - grasp_map.positions[chosen].mean(axis=0)) @ inward) >= 0.0
-        page.show(f"module/{face}", seen)
-        page.show(f"points/{face}", seen)
+    with page.server.atomic():
+        for face, chosen in points_by_face(grasp_map).items():
+            inward = grasp_map.normals[chosen].mean(axis=0)
+            seen = float((eye - grasp_map.positions[chosen].mean(axis=0)) @ inward) >= 0.0
+            page.show(f"module/{face}", seen)
+            page.show(f"points/{face}", seen)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
 from mlivr_gym.errors import PlanError, path_shown
 from mlivr_gym.motion import PHASES, Durations, Plan, TimedConfigurations, TimedPath, Trajectory
 from mlivr_gym.motion.trajectory import trajectory
@@ -75,14 +74,10 @@ def _walked(graph: StanceGraph, plan: Plan) -> Trajectory:
     return reduce(lambda before, after: after.after(before), parts)
 
 
-def stance_frames(positions: Array, quaternions: Array, joints: Array) -> Frames:
-    """Return configurations at rest as frames at intervals of `STEP_TIME`.
-
-    They have shapes (k, 3) [m], (k, 4) and (k, N, 6) [rad].
-    """
-    number = np.arange(len(positions))
-    times, resting = STEP_TIME * number.astype(np.float64), np.full_like(number, AT_REST)
-    return Frames(times, number, resting, positions, quaternions, joints)
+def no_frames(limbs: int) -> Frames:
+    """Return a single frame of a robot that no plan puts anywhere."""
+    zero, joints = np.zeros(1, dtype=np.int64), np.zeros((1, limbs, 6))
+    return Frames(np.zeros(1), zero, zero + AT_REST, np.zeros((1, 3)), np.eye(1, 4), joints)
 
 
 def load_frames(path: str | Path, plan: Plan) -> Frames:

@@ -33,7 +33,7 @@ def query_of(graph: StanceGraph, plan: Plan) -> dict[str, Any]:
 
 
 class LivePlan:
-    """A query on a stance graph with its plan and the previous plan.
+    """A query on a stance graph with its plan.
 
     `query` holds the arguments of `Planner.plan`. Each change plans anew. If the query is invalid
     or no plan exists, `plan` is None and `message` says why.
@@ -44,7 +44,6 @@ class LivePlan:
         defaults: dict[str, Any] = {"cost": "base", "goal_tolerance": GOAL_TOLERANCE}
         self.graph, self.query, self.plan = graph, defaults | query, plan
         self.planner = Planner(graph)
-        self.previous: Plan | None = None
         self.message = "" if plan is None else _plan_message(plan)
 
     @property
@@ -55,7 +54,6 @@ class LivePlan:
     def replan(self, **changes: Any) -> None:
         """Plan anew in the current world, with some other arguments of the query."""
         self.query |= changes
-        self.previous = self.plan or self.previous
         self.plan = None
         try:
             result = self.planner.plan(**self.query)
@@ -86,10 +84,7 @@ class LivePlan:
         spent = f"{self.plan.statistics.expanded} states expanded"
         w_m, w_b = self.plan.w_m_min, self.plan.w_b_min
         margins = f"minimum manipulability {w_m:.3f} (limbs), {w_b:.5f} (base)"
-        lines = [f"**{self.message}**", margins, spent, query]
-        if self.previous is not None:
-            lines.append(f"previous plan: {_plan_message(self.previous)} (pale)")
-        return "  \n".join(lines)
+        return "  \n".join([f"**{self.message}**", margins, spent, query])
 
 
 def _plan_message(plan: Plan) -> str:

@@ -6,10 +6,8 @@ Drawing under a name that exists replaces the earlier node.
 from __future__ import annotations
 
 import contextlib
-import html
 import io
 import logging
-import re
 import socket
 from collections.abc import Callable, Iterator
 from http import HTTPStatus
@@ -121,9 +119,8 @@ class Page:
 
     def show(self, name: str, visible: bool) -> None:
         """Show or hide a node with its descendants."""
-        node = self.nodes.get(name)
-        if node is not None and node.visible != visible:
-            node.visible = visible
+        if self.nodes[name].visible != visible:
+            self.nodes[name].visible = visible
 
     def remove(self, name: str) -> None:
         """Remove a node, if it exists, with its descendants."""
@@ -156,8 +153,8 @@ class Page:
 
     # Export.
 
-    def record(self, times: Array, period: float, draw: Callable[[float], None], title: str) -> str:
-        """Return the page as HTML that plays without a server, with a title on top and on its tab.
+    def record(self, times: Array, period: float, draw: Callable[[float], None]) -> str:
+        """Return the page as HTML that plays without a server.
 
         `draw` is called with each of the times in order; the pictures are `period` apart [s].
         """
@@ -167,15 +164,7 @@ class Page:
             recorder.insert_sleep(period)
             draw(time)
         recorder.insert_sleep(END)
-        page: str = recorder.as_html()
-        text = html.escape(title)
-        line = (
-            '<div style="position:fixed;top:0.7em;left:1em;z-index:5;font:15px sans-serif;'
-            f'color:#333;pointer-events:none">{text}</div>'
-        )
-        # By a function, since a backslash of a name is no reference to a group.
-        page = re.sub("<title>.*?</title>", lambda _: f"<title>{text}</title>", page, count=1)
-        return page.replace("<body>", f"<body>{line}", 1)
+        return str(recorder.as_html())
 
     def close(self) -> None:
         """Stop the server."""

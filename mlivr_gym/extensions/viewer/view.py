@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing, suppress
 from pathlib import Path
 
 from mlivr_gym import stance_graph
@@ -15,13 +16,14 @@ from mlivr_gym.cli.arguments import (
     option,
     query_options,
     refuse_ignored,
+    refuse_without_effect,
     search_options,
     world_options,
 )
 from mlivr_gym.cli.exits import SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
 from mlivr_gym.cli.progress import Progress
-from mlivr_gym.errors import NoPlanError, SettingError
+from mlivr_gym.errors import NoPlanError
 from mlivr_gym.extensions.viewer.frames import Frames, load_frames
 from mlivr_gym.extensions.viewer.live_plan import LivePlan, query_of
 from mlivr_gym.extras import require
@@ -57,7 +59,6 @@ def run(args: argparse.Namespace) -> int:
     With --out, write one HTML file that plays without a server. Needs the extra 'viewer'.
     """
     require("viser", "trimesh", extra="viewer")
-    _check(args)
     check_outputs(args.out, inputs=input_files(args))
     live, executed = _live_plan(args)
     print(live.message if live.plan is not None else f"no plan: {live.message}", flush=True)
@@ -73,19 +74,12 @@ def run(args: argparse.Namespace) -> int:
     return _serve(args, live, executed)
 
 
-def _check(args: argparse.Namespace) -> None:
-    """Refuse options that contradict each other."""
-    if args.execution and args.plan:
-        raise SettingError(
-            "give only one of --plan and --execution; the folder of an execution has its plan"
-        )
-    if args.plan or args.execution:
-        refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
-
-
 def _live_plan(args: argparse.Namespace) -> tuple[LivePlan, Frames | None]:
     """Return the live plan, and the frames of its execution if there is one."""
+    if args.execution:
+        refuse_without_effect(args, "with --execution, whose folder has the plan", "plan")
     if args.plan or args.execution:
+        refuse_ignored(args, "plan" if args.plan else "execution", ("map",))
         folder = Path(args.execution or "")
         file = args.plan or folder / FILES[0]
         plan = Plan.load(file, chosen_map(args))
@@ -111,14 +105,9 @@ def _serve(args: argparse.Namespace, live: LivePlan, executed: Frames | None) ->
 
     page = Page(args.host, args.port, "mlivr-gym")
     viewer = Viewer(page, live, executed, capsules=args.capsules)
-    try:
-        if executed is not None:
-            viewer.speed = 10.0
+    with closing(viewer), suppress(KeyboardInterrupt):  # Ctrl-C is how the server is stopped
+        viewer.speed = 1.0 if executed is None else 10.0
         add_panel(viewer)
-        print(f"page: {viewer.page.address} (stop with Ctrl-C)", flush=True)
+        print(f"page: {page.address} (stop with Ctrl-C)", flush=True)
         viewer.run()
-    except KeyboardInterrupt:
-        return SUCCESS  # Ctrl-C is how the server is stopped
-    finally:
-        viewer.close()
     return SUCCESS

@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MlivrError, SettingError
+from mlivr_gym.errors import MlivrError
 from mlivr_gym.extensions.viewer import drawing
-from mlivr_gym.extensions.viewer.frames import STEP_TIME, Frames, plan_frames, stance_frames
+from mlivr_gym.extensions.viewer.frames import FRAME_TIME, STEP_TIME, Frames, no_frames, plan_frames
 from mlivr_gym.extensions.viewer.live_plan import (
     LivePlan,
     explanations,
@@ -42,11 +41,9 @@ ABOVE = np.array([0.0, 0.0, 0.5])
 EXPLAIN, BLOCK = "explain why it cannot be held", "block or free it"
 """Effects of a click on a point."""
 
-MAX_BYTES = 2_000_000
-"""Maximum size of a file in bytes; long plans have fewer frames, so that files can be shared."""
-
-FRAME_RATE = 20.0
-"""Maximum number of frames in a second."""
+MOST_PICTURES = 401
+"""Largest number of pictures in a file: long plans have fewer in a second, so that files stay small
+enough to be shared."""
 
 SPEEDS = ("0.25x", "0.5x", "1x", "2x", "5x", "10x", "20x")
 """Speeds to choose from, relative to the time of the frames."""
@@ -67,7 +64,7 @@ class Viewer:
         grasp_map = live.graph.grasp_map
         self._model = drawing.draw_stage(page, grasp_map, live.graph.robot, capsules)
         page.label(NOW, "", ABOVE)
-        self.hide_walls_from(drawing.aim_camera(page, grasp_map.positions, aspect))
+        drawing.hide_walls(page, grasp_map, drawing.aim_camera(page, grasp_map.positions, aspect))
         self.refresh()
 
     # Changes of the query.
@@ -88,15 +85,12 @@ class Viewer:
         """Redraw everything that depends on the plan, and go to its start."""
         live, page, graph = self.live, self.page, self.live.graph
         with self._lock, page.server.atomic():
-            self._states: tuple[State | None, ...] = ()
             if live.plan is None:
-                none = np.zeros((1, 3)), np.eye(1, 4), np.zeros((1, graph.limbs, 6))
-                self.frames = stance_frames(*none)
+                self.frames = no_frames(graph.limbs)
             else:
                 self.frames = self.executed or plan_frames(graph, live.plan)
-                self._states = states_of(graph, live.plan)
             page.show("robot", live.plan is not None)
-            drawing.draw_plan(page, graph.grasp_map, live.plan, live.previous)
+            drawing.draw_plan(page, graph.grasp_map, live.plan)
             drawing.draw_world(page, graph.obstacles, live.goal, live.query["goal_tolerance"])
             if AIM in page.nodes:
                 page.nodes[AIM].position = live.goal
@@ -149,21 +143,17 @@ class Viewer:
         self._closed.set()
         self.page.close()
 
-    # Points and walls.
+    # Points.
 
     def clicked(self, point: int) -> None:
-        """Handle a click on a point, given by its index."""
-        name = self.live.graph.grasp_map.ids[point]
+        """Block or free a point, or show which limbs can step to it now, and why others cannot."""
+        graph = self.live.graph
+        name, face = graph.grasp_map.ids[point], graph.grasp_map.faces[point]
         if self.click == BLOCK:
             self.change(lambda: self.live.toggle_occupied(name))
-        else:
-            self._explain(point)
-
-    def _explain(self, point: int) -> None:
-        """Show which limbs can step to a point now, and why others cannot."""
+            return
         with self._lock:
-            graph, state = self.live.graph, self.present_state()
-            lines = [f"**{graph.grasp_map.ids[point]}**, {graph.grasp_map.faces[point]}"]
+            lines, state = [f"**{name}**, {face}"], self.present_state()
             if state is not None:
                 lines += explanations(graph, state, point)
             self.page.write("explanation", "  \n".join(lines))
@@ -171,17 +161,12 @@ class Viewer:
     def present_state(self) -> State | None:
         """Return the state of the stance that is shown, or from which the shown step starts."""
         number = int(self.frames.step[self.frames.at(self.time)])
-        return self._states[min(number, len(self._states) - 1)] if self._states else None
-
-    def hide_walls_from(self, eye: Array) -> None:
-        """Hide the walls that a camera at `eye` [m] sees from behind."""
-        with self.page.server.atomic():
-            drawing.hide_walls(self.page, self.live.graph.grasp_map, eye)
+        return states_of(self.live.graph, self.live.plan)[number] if self.live.plan else None
 
 
 def add_panel(viewer: Viewer) -> None:
     """Add the panel, and connect the page with the viewer's methods."""
-    page, gui = viewer.page, viewer.page.gui
+    page, gui, grasp_map = viewer.page, viewer.page.gui, viewer.live.graph.grasp_map
     page.items["summary"] = gui.add_markdown("")
     page.item("time", gui.add_slider("time [s]", 0.0, 0.1, 0.01, 0.0), viewer.scrub)
     gui.add_button("Play or pause").on_click(lambda _: viewer.toggle())
@@ -190,14 +175,14 @@ def add_panel(viewer: Viewer) -> None:
     clicks = gui.add_dropdown("a click on a point", (EXPLAIN, BLOCK), initial_value=viewer.click)
     page.item("click", clicks, lambda chosen: setattr(viewer, "click", chosen))
     page.items["explanation"] = gui.add_markdown("")
-    for face, points in drawing.points_by_face(viewer.live.graph.grasp_map).items():
+    for face, points in drawing.points_by_face(grasp_map).items():
         page.nodes[f"points/{face}"].on_click(
             lambda event, points=points: viewer.clicked(int(points[event.instance_index]))
         )
     page.gizmo(AIM, viewer.live.goal, lambda at: viewer.change(lambda: viewer.live.set_goal(at)))
     page.server.on_client_connect(
         lambda client: client.camera.on_update(
-            lambda camera: viewer.hide_walls_from(np.array(camera.position))
+            lambda camera: drawing.hide_walls(page, grasp_map, np.array(camera.position))
         )
     )
     viewer.refresh()
@@ -211,36 +196,18 @@ def write_html(
 
     The page loads nothing from elsewhere. The frames of an execution are played at a speed at which
     a step takes `STEP_TIME` on average, like a step of a plan. `capsules` draws the collision
-    shapes in place of visual meshes, as for more than two limbs, whose meshes would need most of
-    `MAX_BYTES`. Raises a `FileError` if the file cannot be written, and a `SettingError` if the
-    file would be larger than `MAX_BYTES` even with few frames.
+    shapes in place of visual meshes, as for more than two limbs, whose meshes would make the file
+    large. Raises a `FileError` if the file cannot be written.
     """
     page, live = Page("127.0.0.1", 0, "mlivr-gym"), LivePlan(graph, query_of(graph, plan), plan)
-    kind, capsules = "plan" if executed is None else "execution", capsules or graph.limbs > 2
-    title = (
-        f"{plan.world.robot.name}: {kind}, {len(plan.steps)} steps, "
-        f"{plan.base_translation:.3f} m, {plan.query.cost_name} cost"
-    )
+    length = STEP_TIME * max(len(plan.steps), 1)
     try:
-        viewer = Viewer(page, live, executed, capsules=capsules, aspect=WIDE)
-        content = _content(viewer, max(STEP_TIME * len(plan.steps), STEP_TIME), title)
+        viewer = Viewer(page, live, executed, capsules=capsules or graph.limbs > 2, aspect=WIDE)
+        times = viewer.frames.times
+        count = min(len(times), round(length / FRAME_TIME) + 1, MOST_PICTURES)
+        chosen = np.linspace(0, len(times) - 1, count).round().astype(np.int64)
+        content = page.record(times[chosen], length / (count - 1), viewer.seek).encode()
     finally:
         page.close()
     write_whole(path, content)
     return len(content)
-
-
-def _content(viewer: Viewer, length: float, title: str) -> bytes:
-    """Return the HTML of a page that plays for a time [s], with as many frames as it may have."""
-    times = viewer.frames.times
-    count = min(len(times), round(FRAME_RATE * length) + 1)
-    while count >= 2:
-        chosen = np.linspace(0, len(times) - 1, count).round().astype(np.int64)
-        content = viewer.page.record(times[chosen], length / (count - 1), viewer.seek, title)
-        if len(content.encode()) <= MAX_BYTES:
-            return content.encode()
-        count //= 2
-    raise SettingError(
-        f"the page of this scene would be larger than {MAX_BYTES} bytes; "
-        "use a map or a plan with fewer shapes, capsules in place of meshes, or serve the page"
-    )

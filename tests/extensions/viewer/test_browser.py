@@ -91,7 +91,7 @@ def test_a_blocked_point_is_planned_round(shown, viewer, walk):
     choose(shown, "a click on a point", "block or free it")
     until(lambda: viewer.click == "block or free it")
     click_on_point(viewer, shown, point)
-    until(lambda: shown.get_by_text("(pale)").count() == 1)
+    until(lambda: shown.get_by_text(before).count() == 0)
     assert viewer.live.graph.ids(sorted(viewer.live.graph.occupied)) == (point,)
     assert point not in {step.to_point for step in viewer.live.plan.steps}
     now = shown.locator("strong").first.inner_text()
@@ -124,6 +124,5 @@ def test_a_file_plays_without_a_server(browser, checked_graph, walk, tmp_path):
     times.wait_for(timeout=0)
     first = float(times.input_value())
     until(lambda: float(times.input_value()) > first + 0.5)
-    assert page.title().startswith("mlivr2: plan, 4 steps")
     page.close()
     assert errors == []

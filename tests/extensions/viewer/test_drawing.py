@@ -60,16 +60,6 @@ def test_edges_of_a_box_stay_sharp(page):
     np.testing.assert_allclose(np.abs(drawn.vertex_normals).max(axis=1), 1.0)
 
 
-def test_walls_are_those_of_their_face(jem):
-    _, solids = scene_solids(jem, robot_spec("mlivr2"), capsules=False)
-    for face in {box.face for box in jem.boxes}:
-        node = f"module/{face or 'rest'}"
-        corners = [mesh.bounds for key, some in solids.items() if key[0] == node for mesh in some]
-        bounds = np.array([box.bounds for box in jem.boxes if box.face == face])
-        np.testing.assert_allclose(np.min(corners, axis=(0, 1)), bounds[:, 0].min(axis=0))
-        np.testing.assert_allclose(np.max(corners, axis=(0, 1)), bounds[:, 1].max(axis=0))
-
-
 def test_meshes_are_drawn_in_the_place_of_collision_shapes(jem):
     """Of a UR10e no meshes ship, so limb 0 keeps its capsules, with rods."""
     _, solids = scene_solids(jem, robot_spec("mlivr2-unequal"), capsules=False)

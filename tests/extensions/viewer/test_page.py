@@ -1,10 +1,8 @@
 """The page, without a browser."""
 
-import html
 import socket
 from http.client import HTTPConnection
 
-import numpy as np
 import pytest
 
 from mlivr_gym.errors import SettingError
@@ -14,13 +12,6 @@ pytest.importorskip("viser", reason="the extra 'viewer' is not installed")
 import trimesh
 
 from mlivr_gym.extensions.viewer.page import Page
-
-
-def test_another_page_takes_the_next_port(page):
-    port = int(page.address.rsplit(":", 1)[1])
-    other = Page("127.0.0.1", port, "other")
-    assert other.address != page.address
-    other.close()
 
 
 def test_a_host_that_is_not_there_is_refused():
@@ -40,14 +31,6 @@ def test_a_page_is_served_at_its_address_alone(page):
 def test_nothing_is_printed(capsys):
     Page("127.0.0.1", 0, "quiet").close()
     assert capsys.readouterr().out == ""
-
-
-def test_a_title_is_text_on_an_exported_page(page):
-    """Names of robots are part of it, and may be of a file of somebody else."""
-    title = r"<script>alert('\1')</script> & \g<0>"
-    content = page.record(np.zeros(1), 0.1, lambda time: None, title)
-    assert content.count(html.escape(title)) == 2
-    assert title not in content
 
 
 def test_what_is_removed_takes_along_what_is_below(page):
