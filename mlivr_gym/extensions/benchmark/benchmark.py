@@ -9,7 +9,13 @@ from mlivr_gym.cli.arguments import option, refuse_without_effect
 from mlivr_gym.cli.outputs import check_outputs
 from mlivr_gym.cli.progress import Progress
 from mlivr_gym.errors import SettingError
-from mlivr_gym.extensions.benchmark.entry import EPISODES, SUMMARY, BenchmarkEntry, markdown_table
+from mlivr_gym.extensions.benchmark.entry import (
+    EPISODES,
+    PICTURE,
+    SUMMARY,
+    BenchmarkEntry,
+    markdown_table,
+)
 from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, TASKS
 from mlivr_gym.extensions.benchmark.runner import check
 from mlivr_gym.extensions.benchmark.runner import run as run_policy
@@ -40,8 +46,8 @@ def run(args: argparse.Namespace) -> None:
     """Run a policy through the benchmark, check entries, or list them in a table.
 
     `run` trains or loads a policy, evaluates it on the 200 held-out tasks of each environment, and
-    writes summary.json and episodes.csv. It does so after each environment and seed, and goes on
-    with the entry that is in the folder. `check` replays the actions of entries and
+    writes summary.json, episodes.csv and scores.png. It does so after each environment and seed,
+    and goes on with the entry that is in the folder. `check` replays the actions of entries and
     refuses those that do not add up. `table` prints the Markdown table of entries.
     """
     if args.action == "run":
@@ -57,8 +63,8 @@ def run(args: argparse.Namespace) -> None:
         print(args.result["table"], end="")
         return
     for folder in args.folders:
-        with Progress(f"episodes of {folder}", quiet=args.quiet):
-            entry = check(folder)
+        with Progress(f"episodes of {folder}", quiet=args.quiet) as progress:
+            entry = check(folder, progress=progress.show)
         args.result[folder] = entry.summary["results"]
         print(f"{folder}: {len(entry.rows)} episodes add up")
 
@@ -71,15 +77,15 @@ def _run(args: argparse.Namespace) -> None:
     if missing:
         raise SettingError(f"run needs {', '.join(missing)}")
     folder = Path(args.out)
-    files = [folder / name for name in (SUMMARY, EPISODES)]
+    files = [folder / name for name in (SUMMARY, EPISODES, PICTURE)]
     entry = BenchmarkEntry.read(folder) if files[0].exists() else None
     if entry is None:
         check_outputs(*files, folder=folder)
     names = ENVIRONMENT_IDS if args.environment is None else (args.environment,)
-    with Progress("episodes", quiet=args.quiet):
+    with Progress("episodes", quiet=args.quiet) as progress:
         entry = run_policy(
             args.policy, args.budget, args.seeds, names, args.tasks or TASKS,
-            entry=entry, save=lambda entry: entry.write(folder),
+            entry=entry, save=lambda entry: entry.write(folder), progress=progress.show,
         )  # fmt: skip
     args.result |= {"folder": folder, "results": entry.summary["results"]}
     for name, result in entry.summary["results"].items():

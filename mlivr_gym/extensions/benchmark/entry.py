@@ -1,6 +1,6 @@
 """An entry of the benchmark: every episode of a policy, what follows from them, and the table.
 
-It is a folder with `summary.json` and `episodes.csv`.
+It is a folder with `summary.json`, `episodes.csv` and the picture `scores.png`.
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ import numpy as np
 
 from mlivr_gym.arguments import NOT_NEGATIVE
 from mlivr_gym.errors import MlivrError
-from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS
+from mlivr_gym.extensions.benchmark.protocol import BUDGETS, ENVIRONMENT_IDS, MAX_ACTIONS
 from mlivr_gym.files import make_folder, read_json, write_whole, written_together
+from mlivr_gym.pictures import new_figure, save_figure
 from mlivr_gym.schema import NAME, Anything, Choice, FieldPath, Fields, Integer, ListOf
 
-SUMMARY, EPISODES = "summary.json", "episodes.csv"
+SUMMARY, EPISODES, PICTURE = "summary.json", "episodes.csv", "scores.png"
 """Names of the files."""
 
 SUMMARY_FIELDS = Fields(
@@ -100,6 +101,7 @@ class BenchmarkEntry:
         with written_together():
             write_whole(Path(folder, SUMMARY), json.dumps(self.summary, indent=1) + "\n")
             write_whole(Path(folder, EPISODES), text.getvalue())
+            save_figure(score_figure(self.rows), Path(folder, PICTURE), vector=False)
 
     @property
     def parts(self) -> dict[tuple[str, int], tuple[int, float]]:
@@ -169,6 +171,23 @@ def results_of(rows: Sequence[EpisodeRow]) -> dict[str, Any]:
             "milliseconds_a_task": round(sum(times) / len(episodes), 3),
         }
     return results
+
+
+def score_figure(rows: Sequence[EpisodeRow]) -> Any:
+    """Return a figure of the share of tasks by score, a line for each environment."""
+    figure = new_figure(6.0, 3.6)
+    axes = figure.add_subplot()
+    for name in ENVIRONMENT_IDS:
+        scores = np.sort([row.score for row in rows if row.environment == name])[::-1]
+        if len(scores):
+            share = 100.0 * np.arange(1, len(scores) + 1) / len(scores)
+            axes.step(share, scores, where="pre", label=f"{name}: {scores.mean():.3f}")
+    axes.set(xlim=(0, 100), ylim=(0, 1.02), xlabel="tasks [%]")
+    axes.set_ylabel(f"reference / cost (0: not in {MAX_ACTIONS} actions)")
+    axes.grid(alpha=0.25)
+    axes.legend(frameon=False, loc="lower left")
+    figure.set_layout_engine("constrained")
+    return figure
 
 
 def markdown_table(entries: Mapping[str, BenchmarkEntry]) -> str:

@@ -85,14 +85,15 @@ def run(
     *,
     entry: BenchmarkEntry | None = None,
     save: Callable[[BenchmarkEntry], None] = lambda entry: None,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> BenchmarkEntry:
     """Train a policy, see `policy_maker`, within a budget, and return its episodes.
 
     A policy is made anew for each of `seeds` (by default 3, and 1 for one that is not trained) and
     each environment. One that loads what was learned before, or learns elsewhere, says in its
     attribute `environment_steps` from how many steps. What `entry` has is not run again. `save`
-    gets the entry after each environment and seed. Raises a `SettingError` if an argument cannot be
-    used, or the budget is exceeded.
+    gets the entry after each environment and seed, and `progress` the number of finished episodes.
+    Raises a `SettingError` if an argument cannot be used, or the budget is exceeded.
     """
     make = policy_maker(place)
     learns = hasattr(make, "train")
@@ -117,7 +118,10 @@ def run(
         steps = max(training.environment_steps, int(getattr(policy, "environment_steps", 0)))
         if steps > BUDGETS[budget]:
             raise SettingError(f"policy {place!r} learned from {steps} steps; {budget} is less")
-        rows = [episode_row(name, seed, task, policy) for task in range(tasks)]
+        rows = list[EpisodeRow]()
+        for task in range(tasks):
+            rows.append(episode_row(name, seed, task, policy))
+            progress(len(entry.rows) + len(rows))
         entry = entry.with_part(rows, steps, round(time.process_time() - began, 3))
         save(entry)
     return entry
@@ -141,7 +145,9 @@ def _machine() -> dict[str, Any]:
     }
 
 
-def check(folder: str | Path, tasks: int = TASKS) -> BenchmarkEntry:
+def check(
+    folder: str | Path, tasks: int = TASKS, progress: Callable[[int], None] = lambda done: None
+) -> BenchmarkEntry:
     """Return the entry in a folder if it adds up.
 
     Each environment must have the first `tasks` tasks for each seed. Their actions are replayed;
@@ -161,8 +167,9 @@ def check(folder: str | Path, tasks: int = TASKS) -> BenchmarkEntry:
     most = max(summary["environment_steps"], default=0)
     if most > BUDGETS[summary["budget"]]:
         raise BenchmarkError(f"it learned from {most} steps, more than {summary['budget']} has")
-    for row in rows:
+    for k, row in enumerate(rows):
         _check_row(row)
+        progress(k + 1)
     _same("results", summary["results"], results_of(rows))
     return entry
 
