@@ -171,7 +171,7 @@ def test_files_beside_a_policy_hide_no_installed_module(monkeypatch, tmp_path):
     del sys.modules["own_policy"]
 
 
-@pytest.mark.parametrize("name", ["summary.json", "episodes.csv"])
+@pytest.mark.parametrize("name", ["summary.json", "episodes.csv", "scores.png"])
 def test_all_files_of_an_entry_are_written_or_none(greedy, tmp_path, name):
     (tmp_path / name).mkdir()
     with pytest.raises(FileError, match=f"{name}': it is a folder"):
