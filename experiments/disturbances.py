@@ -21,17 +21,16 @@ from reports import CORES, experiment, study_rows, table
 from mlivr_gym.motion import Durations
 from mlivr_gym.pictures import save_figure
 from mlivr_gym.simulation import Limits, Setup, execute_many, success_rate
-from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
-from mlivr_gym.simulation.disturbances import ALL, NONE
-from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import RunOutcome
+from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges
+from mlivr_gym.simulation.execution import RunOutcome
+from mlivr_gym.simulation.parameters import CONTROLLERS, PACES, PAPER, ControllerParameters
 
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""
 
 CONTROLLERS: dict[str, tuple[Limits | Durations, ControllerParameters]] = {
-    "guided, gentle": (GENTLE, ControllerParameters()),
-    "feedforward, gentle": (GENTLE, FEEDFORWARD),
+    "guided, gentle": (PACES["gentle"], ControllerParameters()),
+    "feedforward, gentle": (PACES["gentle"], CONTROLLERS["feedforward"]),
     "the paper's PD, 50 s": (Durations(), PAPER),
 }
 """Pace and controller of each group of studies."""
@@ -72,7 +71,7 @@ def walk(task: int, controller: str, disturbance: str, plans: int) -> dict[str, 
     """Execute the plan of a task once, with its own random disturbances."""
     graph, made = graph_and_plans(plans, TASKS)
     timing, parameters = CONTROLLERS[controller]
-    ranges = {"all": ALL, "none": NONE}.get(disturbance) or ALL.only(disturbance)
+    ranges = {"all": ALL, "none": DisturbanceRanges()}.get(disturbance) or ALL.only(disturbance)
     setup = Setup(timing, parameters, disturbances=ranges)
     (outcome,) = execute_many(graph, [made[task]], setup, seed=SEED + task, workers=1)
     return outcome._asdict()

@@ -1,40 +1,45 @@
-"""Execution of plans in MuJoCo, step by step, with all measurements.
+"""Execution of plans in MuJoCo, step by step, with all measurements: once, or many times.
 
 Before anything is simulated, each step of the plan is made a `Trajectory` on the time grid of the
 simulation. Then a `Simulation` starts in the first stance and executes one trajectory after the
-other, until the last one or the first failure.
+other, until the last one or the first failure. In a Monte Carlo simulation plans are executed many
+times, each time with another disturbance.
 """
 
 from __future__ import annotations
 
 import io
 import json
+import os
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import PlanError
+from mlivr_gym.engines import executor_of
 from mlivr_gym.files import write_whole, written_together
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.schema import OrNone
-from mlivr_gym.simulation.controller import ControllerParameters
+from mlivr_gym.schema import Integer, ListOf, OrNone
 from mlivr_gym.simulation.disturbances import Disturbance
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
+from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording, SimulatedInterval
+from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
-from mlivr_gym.simulation.timing import TIMING, step_trajectory
+from mlivr_gym.simulation.timing import TIMING, step_trajectories
 from mlivr_gym.stances.stance_graph import StanceGraph
+from mlivr_gym.world.grasp_map import GraspMap
 
 FINAL_REST = 2.0
 """Time for which the robot stands still after the last grasp [s]."""
@@ -175,63 +180,204 @@ def execute(
     timing = timing or Limits()
     start = time.perf_counter()
     used = simulation.physics if simulation is not None else physics or Physics()
-    timed = timed_plan(graph, plan, timing, used.timestep)
+    steps = step_trajectories(graph, plan, timing, used.timestep)
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = execute_timed_plan(simulation, timed, progress)
+    done = _executed(simulation, plan, steps, progress)
     return Execution(
         plan=plan,
         timing=timing,
         controller=simulation.controller,
         physics=simulation.physics,
         disturbance=simulation.disturbance,
-        recording=Recording.join([step.recording for step in done]),
-        peaks=Peaks.join([step.peaks for step in done]),
-        captures=tuple(step.capture for step in done if step.capture is not None),
-        failure=done[-1].failure,
+        recording=done.recording,
+        peaks=done.peaks,
+        captures=done.captures,
+        failure=done.failure,
         simulated_time=simulation.time,
         trajectory_computing_time=ready - start,
         simulation_computing_time=time.perf_counter() - ready,
     )
 
 
-class TimedPlan(NamedTuple):
-    """A plan with a time scaling: everything that the simulation needs."""
-
-    plan: Plan
-    """The plan."""
-    steps: tuple[Trajectory, ...]
-    """Trajectory of each step on the time grid of the simulation."""
-
-
-def timed_plan(
-    graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
-) -> TimedPlan:
-    """Compute the trajectories of all steps of a plan on a time grid with spacing `period` [s].
-
-    Raises a `PlanError` if the plan has no step, or a step cannot be followed inside the joint
-    limits, and a `TimingError` if durations violate a limit.
-    """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
-    steps = (
-        step_trajectory(graph, plan, index, timing, period) for index in range(len(plan.steps))
-    )
-    return TimedPlan(plan, tuple(steps))
-
-
-def execute_timed_plan(
-    simulation: Simulation, timed: TimedPlan, progress: Callable[[int], None] | None = None
-) -> list[SimulatedInterval]:
-    """Execute a plan up to its end or first failure; return each step and the rest at the end."""
-    simulation.reset(*timed.plan.configuration(0), timed.steps[0].grasps[0].tolist())
+def _executed(
+    simulation: Simulation,
+    plan: Plan,
+    steps: Sequence[Trajectory],
+    progress: Callable[[int], None] | None = None,
+) -> SimulatedInterval:
+    """Execute the trajectories of a plan up to the end, and a rest there, or the first failure."""
+    simulation.reset(*plan.configuration(0), steps[0].grasps[0].tolist())
     done: list[SimulatedInterval] = []
-    for index, trajectory in enumerate(timed.steps):
+    for index, trajectory in enumerate(steps):
         done.append(simulation.execute(trajectory, index))
         if progress is not None:
             progress(index + 1)
         if done[-1].failure is not None:
-            return done
-    done.append(simulation.stand_still(timed.steps[-1], FINAL_REST, len(timed.steps) - 1))
-    return done
+            break
+    else:
+        done.append(simulation.stand_still(steps[-1], FINAL_REST, len(steps) - 1))
+    return done[-1].after(*done[:-1])
+
+
+class RunOutcome(NamedTuple):
+    """The outcome of one simulated walk."""
+
+    plan: int
+    """Index of the plan."""
+    seed: int
+    """Seed of the disturbance."""
+    failure: str | None
+    """Kind of the failure, one of `recording.FAILURES`; None if the walk was executed to its
+    end."""
+    message: str | None
+    """The failure in one sentence, or None."""
+    steps: int
+    """Number of steps of the plan."""
+    done: int
+    """Number of steps that ended with a grasp."""
+    time: float
+    """Time at the end of the simulation [s]."""
+    capture_distance: float
+    """Largest distance between a gripper and its point just before a capture [m]."""
+    grasp_force: float
+    """Largest force on a grasp [N]."""
+    grasp_torque: float
+    """Largest torque on a grasp [N m]."""
+    joint_torque: float
+    """Largest torque of a joint [N m]."""
+    base_error: float
+    """Largest distance between the base and its trajectory [m]."""
+
+
+@checked(
+    {
+        **ARGUMENTS,
+        "plans": ListOf(InstanceOf(Plan)),
+        "setup": OrNone(InstanceOf(Setup)),
+        "samples": Integer(1, 10**6),
+        "seed": Integer(1, 2**62),
+        "workers": OrNone(Integer(1, 4096)),
+    }
+)
+def execute_many(
+    graph: StanceGraph,
+    plans: Sequence[Plan],
+    setup: Setup | None = None,
+    samples: int = 1,
+    seed: int = 1,
+    workers: int | None = None,
+) -> Iterator[RunOutcome]:
+    """Execute plans many times, each time with another disturbance.
+
+    Sample k of plan p has the seed `seed + p * samples + k`; the same arguments give the same
+    outcomes, whatever the number of processes. New processes are spawned: a script that uses more
+    than one needs `if __name__ == "__main__":`.
+
+    Parameters
+    ----------
+    graph
+        The stance graph of the plans' robot and map.
+    plans
+        The plans.
+    setup
+        Limits, controller, physics and disturbances; by default `Setup()`.
+    samples
+        Number of executions of each plan.
+    seed
+        First seed, at least 1.
+    workers
+        Number of processes; by default one for each core.
+
+    Yields
+    ------
+    RunOutcome
+        The outcomes, ordered by plan and sample.
+
+    Raises
+    ------
+    PlanError
+        If a plan has no step, or cannot be followed.
+    TimingError
+        If durations violate a limit.
+    SettingError
+        If a number is out of range.
+
+    Examples
+    --------
+    >>> from mlivr_gym import stance_graph
+    >>> from mlivr_gym.planners import Planner
+    >>> graph = stance_graph()
+    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
+    >>> setup = Setup.of("gentle", disturbances="all")
+    >>> outcomes = list(execute_many(graph, [plan], setup, samples=2, workers=1))
+    >>> success_rate(outcomes)["walks"]
+    2
+    """
+    setup, count = setup or Setup(), workers or os.cpu_count() or 1
+    run = partial(_outcomes, graph.grasp_map, setup, (seed, samples))
+    period = setup.physics.timestep
+    works = (
+        (number, plan, step_trajectories(graph, plan, setup.timing, period))
+        for number, plan in enumerate(plans)
+    )
+    if count == 1:
+        yield from chain.from_iterable(map(run, works))
+        return
+    with executor_of("local", count) as executor:
+        yield from chain.from_iterable(executor.map(run, works))
+
+
+def _outcomes(
+    grasp_map: GraspMap,
+    setup: Setup,
+    seeds: tuple[int, int],
+    work: tuple[int, Plan, tuple[Trajectory, ...]],
+) -> list[RunOutcome]:
+    """Return the outcomes of one plan; `seeds` are the first of all, and the number for a plan."""
+    (number, plan, steps), (first, samples), outcomes = work, seeds, []
+    for seed in range(first + number * samples, first + (number + 1) * samples):
+        world = plan.world
+        simulation = setup.simulation(grasp_map, world.robot, world.obstacles, seed)
+        done = _executed(simulation, plan, steps)
+        failure, peaks = done.failure, done.peaks
+        outcomes.append(
+            RunOutcome(
+                plan=number,
+                seed=seed,
+                failure=None if failure is None else failure.kind,
+                message=None if failure is None else failure.message,
+                steps=len(steps),
+                done=len(done.captures),
+                time=simulation.time,
+                capture_distance=max((one.distance for one in done.captures), default=0.0),
+                grasp_force=float(peaks.grasp_force.max()),
+                grasp_torque=float(peaks.grasp_torque.max()),
+                joint_torque=float(peaks.joint_torque.max()),
+                base_error=peaks.base_error,
+            )
+        )
+    return outcomes
+
+
+@checked()
+def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
+    """Return the share of walks executed to their end, its confidence interval, and the failures.
+
+    The interval is Wilson's at 95 % (Journal of the American Statistical Association 22, 1927).
+    Failures are counted by kind. Without outcomes the share is None.
+    """
+    count = len(outcomes)
+    failures = Counter(outcome.failure for outcome in outcomes if outcome.failure is not None)
+    done = count - sum(failures.values())
+    low, high = 0.0, 1.0
+    if count:
+        low, high = map(float, binomtest(done, count).proportion_ci(method="wilson"))
+    return {
+        "walks": count,
+        "carried_out": done,
+        "share": done / count if count else None,
+        "interval": [low, high],
+        "failures": dict(sorted(failures.items())),
+    }

@@ -12,8 +12,9 @@ from mlivr_gym.collisions.contacts import checked_configuration
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Anything
-from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameters import Physics
 from mlivr_gym.simulation.scene import compile_spec
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box

@@ -26,9 +26,8 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.recording import Failure, SimulatedInterval
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
@@ -263,11 +262,11 @@ class StepExecutor:
 
 def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[str, Any]:
     """Return the measurements of a step that lasted from `begin` to `time` [s]."""
-    peaks, capture, failure = executed.peaks, executed.capture, executed.failure
+    peaks, failure = executed.peaks, executed.failure
     return {
         "failure": None if failure is None else failure.to_dict(),
-        "capture_distance": 0.0 if capture is None else capture.distance,
-        "capture_angle": 0.0 if capture is None else capture.angle,
+        "capture_distance": max((one.distance for one in executed.captures), default=0.0),
+        "capture_angle": max((one.angle for one in executed.captures), default=0.0),
         "peak_torque": float(peaks.joint_torque.max()),
         "torque_rms": peaks.torque_rms,
         "peak_grasp_force": float(peaks.grasp_force.max()),

@@ -7,6 +7,7 @@ given duration, and one that violates a limit is refused.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -19,7 +20,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import OrNone
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
 from mlivr_gym.simulation.time_optimal import time_optimal_scaling
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -104,6 +105,16 @@ def step_trajectory(
     return trajectory(graph.grasp_map, plan.stances[index : index + 2], timed, period)
 
 
+def step_trajectories(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None, period: float
+) -> tuple[Trajectory, ...]:
+    """Compute the trajectory of each step of a plan; for arguments and errors see the others."""
+    if not plan.steps:
+        raise PlanError("the plan has no step: it starts at its goal")
+    indices = range(len(plan.steps))
+    return tuple(step_trajectory(graph, plan, index, timing, period) for index in indices)
+
+
 @checked({**ARGUMENTS, "timing": TIMING})
 def plan_trajectory(
     graph: StanceGraph,
@@ -128,9 +139,5 @@ def plan_trajectory(
     >>> round(float(walk.times[-1]), 6) == 50.0 * len(plan.steps)
     True
     """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
-    whole = step_trajectory(graph, plan, 0, timing, period)
-    for index in range(1, len(plan.steps)):
-        whole = step_trajectory(graph, plan, index, timing, period).after(whole)
-    return whole
+    steps = step_trajectories(graph, plan, timing, period)
+    return reduce(lambda whole, step: step.after(whole), steps)

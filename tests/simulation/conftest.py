@@ -5,8 +5,8 @@ from plans import first_steps
 
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners.walks import plan_of
-from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.parameters import CONTROLLERS
 from mlivr_gym.simulation.simulator import Simulation
 
 WALK = (
@@ -34,7 +34,7 @@ def plan(long_plan):
 @pytest.fixture(scope="module")
 def simulation(jem, plan):
     """Follows trajectories, not guided."""
-    return Simulation(jem, plan.world.robot, controller=FEEDFORWARD)
+    return Simulation(jem, plan.world.robot, controller=CONTROLLERS["feedforward"])
 
 
 @pytest.fixture(scope="module")

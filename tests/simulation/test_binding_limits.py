@@ -8,7 +8,7 @@ from pinocchio_loads import loads_of
 
 from mlivr_gym.motion.time_scaling import duration_of, quintic
 from mlivr_gym.motion.trajectory import trajectory
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics
 from mlivr_gym.simulation.time_optimal import time_optimal_scaling
 from mlivr_gym.simulation.timing import timed_path

@@ -9,11 +9,15 @@ from plans import first_steps
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import SettingError
-from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
-from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
+from mlivr_gym.simulation.execution import (
+    RunOutcome,
+    execute_many,
+    execute_timed_plan,
+    success_rate,
+    timed_plan,
+)
+from mlivr_gym.simulation.parameters import CONTROLLERS, PACES, ControllerParameters
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 
@@ -79,13 +83,16 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
 
 def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, plan):
     """5 mm off, every point: a limb that follows the map comes to rest as far from its point."""
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
+    walk = timed_plan(checked_graph, plan, PACES["gentle"], 0.002)
     robot, points = plan.world.robot, len(checked_graph.grasp_map)
     drawn = DisturbanceRanges(point_position=0.005).draw(2, 17, 2, points)
     away = drawn.point_offsets / np.linalg.norm(drawn.point_offsets, axis=1, keepdims=True)
     drawn = replace(drawn, point_offsets=0.005 * away)
     found = {}
-    for name, controller in (("guided", ControllerParameters()), ("blind", FEEDFORWARD)):
+    for name, controller in (
+        ("guided", ControllerParameters()),
+        ("blind", CONTROLLERS["feedforward"]),
+    ):
         simulation = Simulation(
             checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
         )
@@ -97,8 +104,8 @@ def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, p
 
 
 def test_a_grasp_misses_where_its_tolerance_is_tiny(checked_graph, plan):
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
-    setup = Setup.of(controller=FEEDFORWARD, physics={"capture_distance": 1e-9})
+    walk = timed_plan(checked_graph, plan, PACES["gentle"], 0.002)
+    setup = Setup.of(controller=CONTROLLERS["feedforward"], physics={"capture_distance": 1e-9})
     simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
     failure = execute_timed_plan(simulation, walk)[-1].failure
     assert (failure.kind, failure.step, failure.phase) == ("missed grasp", 0, "approach")
@@ -114,7 +121,7 @@ def test_a_grasp_is_refused_as_often_as_stated(checked_graph, plan):
     assert (refusals[:-1] & refusals[1:]).mean() == pytest.approx(0.09, abs=0.02)  # independent
     never = Setup().simulation(checked_graph.grasp_map, plan.world.robot)
     assert not any(never.refuses(k) for k in range(50))
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
+    walk = timed_plan(checked_graph, plan, PACES["gentle"], 0.002)
     simulation = Simulation(checked_graph.grasp_map, plan.world.robot)
     simulation.refuses = lambda _: True
     failure = execute_timed_plan(simulation, walk)[-1].failure

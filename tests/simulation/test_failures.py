@@ -10,10 +10,9 @@ from recordings import resting
 from mlivr_gym import Box, Limb
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.robot.specification import MLIVR2
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.failures import FailureMonitor
-from mlivr_gym.simulation.instruments import Measurements
+from mlivr_gym.simulation.instruments import FailureMonitor, Measurements
+from mlivr_gym.simulation.parameters import Physics
 from mlivr_gym.simulation.simulator import Simulation
 
 

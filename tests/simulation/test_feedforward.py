@@ -10,9 +10,8 @@ from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.motion.trajectory import FREE
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.joint_controller import _deflections, feedforward
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits, Physics
 from mlivr_gym.simulation.timing import step_trajectory
 
 

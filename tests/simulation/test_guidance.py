@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.simulation.guidance import MAX_CHANGE
+from mlivr_gym.simulation.grippers import MAX_CHANGE
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 

@@ -10,12 +10,11 @@ from recordings import resting
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.grippers import can_capture
 from mlivr_gym.simulation.joint_controller import Reference
+from mlivr_gym.simulation.parameters import ControllerParameters, Physics
 from mlivr_gym.simulation.recording import Peaks
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import step_trajectory

@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym.errors import TimingError
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
-from mlivr_gym.simulation.controller import FEEDFORWARD
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import CONTROLLERS, Limits
 from mlivr_gym.simulation.path_dynamics import TIME_SAMPLES, segment_dynamics
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.time_optimal import time_optimal_squared_rates
@@ -59,7 +58,9 @@ def test_derivatives_of_a_piece_are_those_of_finite_differences(paths):
 def test_the_simulation_asks_for_what_the_rows_say(checked_graph, walk, paths):
     """The largest torque, force and speed of each step, as MuJoCo measures them."""
     limits = Limits(profile="quintic")
-    simulation = Setup(limits, FEEDFORWARD).simulation(checked_graph.grasp_map, checked_graph.robot)
+    simulation = Setup(limits, CONTROLLERS["feedforward"]).simulation(
+        checked_graph.grasp_map, checked_graph.robot
+    )
     execution = execute(checked_graph, walk, limits, simulation=simulation)
     assert execution.failure is None
     most = {"torque": 0.0, "grasp_force": 0.0, "grasp_torque": 0.0}

@@ -11,10 +11,10 @@ from mlivr_gym import stance_graph
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.specification import robot_spec
-from mlivr_gym.simulation.controller import CONTROLLERS
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
 from mlivr_gym.simulation.inverse_dynamics import compatible_motions
 from mlivr_gym.simulation.joint_controller import Reference
+from mlivr_gym.simulation.parameters import CONTROLLERS
 from mlivr_gym.simulation.simulator import Simulation
 
 

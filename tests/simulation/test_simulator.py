@@ -13,12 +13,16 @@ from scipy.spatial.transform import Rotation
 from mlivr_gym.errors import PlanError, SimulationError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
-from mlivr_gym.simulation.controller import FEEDFORWARD, PAPER, ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.joint_controller import DELAY_SHARE, JointController, Reference
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import (
+    CONTROLLERS,
+    PAPER,
+    ControllerParameters,
+    Limits,
+    Physics,
+)
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import step_trajectory
 
@@ -158,7 +162,7 @@ def test_the_grasp_gives_the_robot_its_momentum(checked_graph, plan, jem):
     errors = []
     for timestep in (0.002, 0.0005):
         simulation = Simulation(
-            jem, plan.world.robot, Physics(timestep=timestep), controller=FEEDFORWARD
+            jem, plan.world.robot, Physics(timestep=timestep), controller=CONTROLLERS["feedforward"]
         )
         recording = execute(
             checked_graph, plan, Limits(step_duration=10.0), simulation=simulation

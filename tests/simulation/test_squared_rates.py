@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mlivr_gym.simulation.squared_rates import RATIOS, SquaredLoads, reduce_squares
+from mlivr_gym.simulation.time_optimal import RATIOS, SquaredLoads, reduce_squares
 
 
 def test_between_two_nodes_b_is_the_largest_that_all_loads_allow():

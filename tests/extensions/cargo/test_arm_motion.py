@@ -9,7 +9,7 @@ from pinocchio_loads import loads_of
 
 from mlivr_gym.extensions.cargo.arm_motion import LINE_SAMPLES, LimbMover, limb_trajectory
 from mlivr_gym.extensions.cargo.cargo_mission import point_handle
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 
 LOOSE = Limits(1.0, 1.0, 1e5, 1e5)
 
