@@ -40,7 +40,7 @@ TITLES = {
     "feedforward, gentle": "`feedforward` controller, gentle pace",
     "the paper's PD, 50 s": "`paper` controller, the paper's 50 s a step",
 }
-"""Title of each group, with the name of the controller in `controller.CONTROLLERS`."""
+"""Title of each group, with the name of the controller in `parameters.CONTROLLERS`."""
 
 NAMES = {
     "friction": "friction to 3 N m",
@@ -67,13 +67,18 @@ HEAD = (
 )
 
 
+def only(disturbance: str) -> DisturbanceRanges:
+    """Return one of the disturbances, with the others at their defaults."""
+    return DisturbanceRanges(**{disturbance: getattr(ALL, disturbance)})
+
+
 def walk(task: int, controller: str, disturbance: str, plans: int) -> dict[str, Any]:
     """Execute the plan of a task once, with its own random disturbances."""
     graph, made = graph_and_plans(plans, TASKS)
     timing, parameters = CONTROLLERS[controller]
-    ranges = {"all": ALL, "none": DisturbanceRanges()}.get(disturbance) or ALL.only(disturbance)
+    ranges = {"all": ALL, "none": DisturbanceRanges()}.get(disturbance) or only(disturbance)
     setup = Setup(timing, parameters, disturbances=ranges)
-    (outcome,) = execute_many(graph, [made[task]], setup, seed=SEED + task, workers=1)
+    (outcome,) = execute_many(graph, [made[task]], setup, seed=SEED + task)
     return outcome._asdict()
 
 

@@ -33,9 +33,6 @@ class DisturbanceRanges(ParameterSet):
     --------
     >>> DisturbanceRanges.of("all").payload
     5.0
-    >>> drawn = DisturbanceRanges(friction=3.0).draw(seed=1, body_count=17, limbs=2, points=50)
-    >>> drawn.friction.shape
-    (2, 6)
     """
 
     friction: Annotated[float, Tuples((), 0.0, 1e3, "N m")] = 0.0

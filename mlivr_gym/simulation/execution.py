@@ -10,13 +10,10 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,7 +22,6 @@ from scipy.stats import binomtest
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.engines import executor_of
 from mlivr_gym.files import write_whole, written_together
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
@@ -39,7 +35,6 @@ from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectories
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.world.grasp_map import GraspMap
 
 FINAL_REST = 2.0
 """Time for which the robot stands still after the last grasp [s]."""
@@ -166,16 +161,6 @@ def execute(
         If durations violate a limit.
     RobotError
         If the robot's masses are not known, see `RobotSpec.dynamics_of`.
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.planners import Planner
-    >>> graph = stance_graph()
-    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
-    >>> execution = execute(graph, plan)
-    >>> execution.failure is None, len(execution.captures) == len(plan.steps)
-    (True, True)
     """
     timing = timing or Limits()
     start = time.perf_counter()
@@ -258,7 +243,6 @@ class RunOutcome(NamedTuple):
         "setup": OrNone(InstanceOf(Setup)),
         "samples": Integer(1, 10**6),
         "seed": Integer(1, 2**62),
-        "workers": OrNone(Integer(1, 4096)),
     }
 )
 def execute_many(
@@ -267,13 +251,8 @@ def execute_many(
     setup: Setup | None = None,
     samples: int = 1,
     seed: int = 1,
-    workers: int | None = None,
 ) -> Iterator[RunOutcome]:
     """Execute plans many times, each time with another disturbance.
-
-    Sample k of plan p has the seed `seed + p * samples + k`; the same arguments give the same
-    outcomes, whatever the number of processes. New processes are spawned: a script that uses more
-    than one needs `if __name__ == "__main__":`.
 
     Parameters
     ----------
@@ -286,9 +265,7 @@ def execute_many(
     samples
         Number of executions of each plan.
     seed
-        First seed, at least 1.
-    workers
-        Number of processes; by default one for each core.
+        First seed, at least 1; sample k of plan p has the seed `seed + p * samples + k`.
 
     Yields
     ------
@@ -303,49 +280,18 @@ def execute_many(
         If durations violate a limit.
     SettingError
         If a number is out of range.
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.planners import Planner
-    >>> graph = stance_graph()
-    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
-    >>> setup = Setup.of("gentle", disturbances="all")
-    >>> outcomes = list(execute_many(graph, [plan], setup, samples=2, workers=1))
-    >>> success_rate(outcomes)["walks"]
-    2
     """
-    setup, count = setup or Setup(), workers or os.cpu_count() or 1
-    run = partial(_outcomes, graph.grasp_map, setup, (seed, samples))
-    period = setup.physics.timestep
-    works = (
-        (number, plan, step_trajectories(graph, plan, setup.timing, period))
-        for number, plan in enumerate(plans)
-    )
-    if count == 1:
-        yield from chain.from_iterable(map(run, works))
-        return
-    with executor_of("local", count) as executor:
-        yield from chain.from_iterable(executor.map(run, works))
-
-
-def _outcomes(
-    grasp_map: GraspMap,
-    setup: Setup,
-    seeds: tuple[int, int],
-    work: tuple[int, Plan, tuple[Trajectory, ...]],
-) -> list[RunOutcome]:
-    """Return the outcomes of one plan; `seeds` are the first of all, and the number for a plan."""
-    (number, plan, steps), (first, samples), outcomes = work, seeds, []
-    for seed in range(first + number * samples, first + (number + 1) * samples):
+    setup = setup or Setup()
+    for number, plan in enumerate(plans):
+        steps = step_trajectories(graph, plan, setup.timing, setup.physics.timestep)
         world = plan.world
-        simulation = setup.simulation(grasp_map, world.robot, world.obstacles, seed)
-        done = _executed(simulation, plan, steps)
-        failure, peaks = done.failure, done.peaks
-        outcomes.append(
-            RunOutcome(
+        for drawn in range(seed + number * samples, seed + (number + 1) * samples):
+            simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, drawn)
+            done = _executed(simulation, plan, steps)
+            failure, peaks = done.failure, done.peaks
+            yield RunOutcome(
                 plan=number,
-                seed=seed,
+                seed=drawn,
                 failure=None if failure is None else failure.kind,
                 message=None if failure is None else failure.message,
                 steps=len(steps),
@@ -357,8 +303,6 @@ def _outcomes(
                 joint_torque=float(peaks.joint_torque.max()),
                 base_error=peaks.base_error,
             )
-        )
-    return outcomes
 
 
 @checked()

@@ -275,10 +275,8 @@ class Simulation:
             return self._reach(trajectory, ends, begin=sample)
         (origin, point), limb, step = ends, self.points.index(FREE), self._plan_step
         phase = PHASES[len(PHASES) - 1 - int(slowest.phase[sample])]
-        message = (
-            f"limb {limb} turned back on its way to point {self.grasp_map.ids[point]!r}: "
-            f"its path is blocked"
-        )
+        name = self.grasp_map.ids[point]
+        message = f"limb {limb} turned back on its way to point {name!r}: its path is blocked"
         blocked = Failure("blocked path", self.time, step, phase, limb, message, {})
         self._guidance.start(limb, origin)
         returned = self._reach(slowest, (point, origin), begin=sample)
@@ -335,14 +333,14 @@ class Simulation:
         if `watch` found the path blocked, or the gripper is close. A gripper that moves between two
         `ends` may touch what lies behind them on departure and approach.
         """
-        parts, last = list[SimulatedInterval](), begin
+        parts, last, model = list[SimulatedInterval](), begin, self.model
         monitor = FailureMonitor(self.physics, self.robot)
         every = CHECK_INTERVAL if watch is None else self.physics.time_steps(watch.period)
         for first, last in _check_intervals(trajectory.phase, begin, min(every, CHECK_INTERVAL)):
             phase = int(trajectory.phase[first + 1])
             if ends is not None:
-                near = (ends[0], FREE, ends[1])[phase]
-                self._grippers.set_contacts(self.points.index(FREE), near)
+                limb, point = self.points.index(FREE), (ends[0], FREE, ends[1])[phase]
+                self._grippers.set_contacts(limb, point)
             states, sensors = self._follow(trajectory, reference, (first, last), until_close)
             measured, finite = self._instruments.measure(
                 states, sensors, trajectory, first, self._time_steps, self._plan_step
@@ -351,8 +349,10 @@ class Simulation:
             if failed is not None:
                 index, failure = failed
                 self._time_steps += index
-                self._restore(states[index])
-                failure = with_contact_names(failure, self.model, self.data)
+                self.data.time = states[index, 0]
+                self.data.qpos[:], self.data.qvel[:] = np.split(states[index, 1:], [model.nq])
+                mujoco.mj_forward(model, self.data)
+                failure = with_contact_names(failure, model, self.data)
                 recorded = self._instruments.recorded(measured.part(slice(index + 1)))
                 parts.append(SimulatedInterval(*recorded, failure=failure))
                 break
@@ -390,12 +390,6 @@ class Simulation:
                 break
         states, sensors = zip(*followed, strict=True)
         return np.concatenate(states), np.concatenate(sensors)
-
-    def _restore(self, state: Array) -> None:
-        """Set time, positions and velocities of MuJoCo, and nothing else, back to a state."""
-        self.data.time = state[0]
-        self.data.qpos[:], self.data.qvel[:] = np.split(state[1:], [self.model.nq])
-        mujoco.mj_forward(self.model, self.data)
 
 
 def _check_intervals(phase: IntArray, begin: int, most: int) -> Iterator[tuple[int, int]]:

@@ -87,7 +87,7 @@ SPECIAL = {
     "film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
     "film_pictures": lambda of: {"shots": [of["Shot"]], "size": (32, 16)},
     "save_film": lambda of: {"pictures": [np.zeros((16, 32, 3), np.uint8)], "path": "walk.gif"},
-    "execute_many": lambda of: {"plans": [], "workers": 1},
+    "execute_many": lambda of: {"plans": []},
     "run_study": lambda of: {"folder": "study", "engine": ThreadPoolExecutor(1)},
     "RecordVideo": lambda of: {"video_folder": "films"},
     "read_study": lambda of: {"folder": of.file("study")},

@@ -232,7 +232,7 @@ MAKERS = {
     "Failure": lambda of: Failure("time", 1.0, 0, "swing", 0, "too long", {}),
     "ControllerParameters": lambda of: of["Execution"].controller,
     "Physics": lambda of: of["Execution"].physics,
-    "Limits": lambda of: mlivr("simulation.limits").Limits(),
+    "Limits": lambda of: mlivr("simulation.parameters").Limits(),
     "DisturbanceRanges": lambda of: DisturbanceRanges(),
     "Disturbance": lambda of: DisturbanceRanges().draw(
         0, len(robot_body_ids(of["MjModel"])), 2, len(of.map.ids)
@@ -242,9 +242,7 @@ MAKERS = {
     "MjModel": lambda of: of["Simulation"].model,
     "MjData": lambda of: of["Simulation"].data,
     "StationLoad": lambda of: station_load(of["Recording"]),
-    "RunOutcome": lambda of: next(
-        iter(execute_many(of["StanceGraph"], [of["Plan"]], samples=1, workers=1))
-    ),
+    "RunOutcome": lambda of: next(iter(execute_many(of["StanceGraph"], [of["Plan"]], samples=1))),
     "Reaction": lambda of: mlivr("extensions.reaction").step_reactions(
         of["StanceGraph"], of["Plan"]
     )[0],
