@@ -9,7 +9,7 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.disturbances import DisturbanceRanges
-    from mlivr_gym.simulation.execution import Execution, execute, execute_many, success_rate
+    from mlivr_gym.simulation.execution import Execution, execute
     from mlivr_gym.simulation.export import exported_model
     from mlivr_gym.simulation.parameters import PACES, Limits, Physics
     from mlivr_gym.simulation.recording import Recording
@@ -30,11 +30,9 @@ __all__ = [
     "Simulation",
     "StepExecutor",
     "execute",
-    "execute_many",
     "exported_model",
     "plan_trajectory",
     "scene_spec",
-    "success_rate",
 ]
 
 __getattr__, __dir__ = lazy(__name__)

@@ -1,9 +1,8 @@
-"""Execution of plans in MuJoCo, step by step, with all measurements: once, or many times.
+"""Execution of plans in MuJoCo, step by step, with all measurements.
 
 Before anything is simulated, each step of the plan is made a `Trajectory` on the time grid of the
 simulation. Then a `Simulation` starts in the first stance and executes one trajectory after the
-other, until the last one or the first failure. In a Monte Carlo simulation plans are executed many
-times, each time with another disturbance.
+other, until the last one or the first failure.
 """
 
 from __future__ import annotations
@@ -11,14 +10,12 @@ from __future__ import annotations
 import io
 import json
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
@@ -26,12 +23,10 @@ from mlivr_gym.files import write_whole, written_together
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory import Trajectory
-from mlivr_gym.schema import Integer, ListOf, OrNone
+from mlivr_gym.schema import OrNone
 from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
 from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording, SimulatedInterval
-from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.timing import TIMING, step_trajectories
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -169,7 +164,17 @@ def execute(
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = _executed(simulation, plan, steps, progress)
+    simulation.reset(*plan.configuration(0), steps[0].grasps[0].tolist())
+    parts: list[SimulatedInterval] = []
+    for index, trajectory in enumerate(steps):
+        parts.append(simulation.execute(trajectory, index))
+        if progress is not None:
+            progress(index + 1)
+        if parts[-1].failure is not None:
+            break
+    else:
+        parts.append(simulation.stand_still(steps[-1], FINAL_REST, len(steps) - 1))
+    done = parts[-1].after(*parts[:-1])
     return Execution(
         plan=plan,
         timing=timing,
@@ -184,144 +189,3 @@ def execute(
         trajectory_computing_time=ready - start,
         simulation_computing_time=time.perf_counter() - ready,
     )
-
-
-def _executed(
-    simulation: Simulation,
-    plan: Plan,
-    steps: Sequence[Trajectory],
-    progress: Callable[[int], None] | None = None,
-) -> SimulatedInterval:
-    """Execute the trajectories of a plan up to the end, and a rest there, or the first failure."""
-    simulation.reset(*plan.configuration(0), steps[0].grasps[0].tolist())
-    done: list[SimulatedInterval] = []
-    for index, trajectory in enumerate(steps):
-        done.append(simulation.execute(trajectory, index))
-        if progress is not None:
-            progress(index + 1)
-        if done[-1].failure is not None:
-            break
-    else:
-        done.append(simulation.stand_still(steps[-1], FINAL_REST, len(steps) - 1))
-    return done[-1].after(*done[:-1])
-
-
-class RunOutcome(NamedTuple):
-    """The outcome of one simulated walk."""
-
-    plan: int
-    """Index of the plan."""
-    seed: int
-    """Seed of the disturbance."""
-    failure: str | None
-    """Kind of the failure, one of `recording.FAILURES`; None if the walk was executed to its
-    end."""
-    message: str | None
-    """The failure in one sentence, or None."""
-    steps: int
-    """Number of steps of the plan."""
-    done: int
-    """Number of steps that ended with a grasp."""
-    time: float
-    """Time at the end of the simulation [s]."""
-    capture_distance: float
-    """Largest distance between a gripper and its point just before a capture [m]."""
-    grasp_force: float
-    """Largest force on a grasp [N]."""
-    grasp_torque: float
-    """Largest torque on a grasp [N m]."""
-    joint_torque: float
-    """Largest torque of a joint [N m]."""
-    base_error: float
-    """Largest distance between the base and its trajectory [m]."""
-
-
-@checked(
-    {
-        **ARGUMENTS,
-        "plans": ListOf(InstanceOf(Plan)),
-        "setup": OrNone(InstanceOf(Setup)),
-        "samples": Integer(1, 10**6),
-        "seed": Integer(1, 2**62),
-    }
-)
-def execute_many(
-    graph: StanceGraph,
-    plans: Sequence[Plan],
-    setup: Setup | None = None,
-    samples: int = 1,
-    seed: int = 1,
-) -> Iterator[RunOutcome]:
-    """Execute plans many times, each time with another disturbance.
-
-    Parameters
-    ----------
-    graph
-        The stance graph of the plans' robot and map.
-    plans
-        The plans.
-    setup
-        Limits, controller, physics and disturbances; by default `Setup()`.
-    samples
-        Number of executions of each plan.
-    seed
-        First seed, at least 1; sample k of plan p has the seed `seed + p * samples + k`.
-
-    Yields
-    ------
-    RunOutcome
-        The outcomes, ordered by plan and sample.
-
-    Raises
-    ------
-    PlanError
-        If a plan has no step, or cannot be followed.
-    TimingError
-        If durations violate a limit.
-    SettingError
-        If a number is out of range.
-    """
-    setup = setup or Setup()
-    for number, plan in enumerate(plans):
-        steps = step_trajectories(graph, plan, setup.timing, setup.physics.timestep)
-        world = plan.world
-        for drawn in range(seed + number * samples, seed + (number + 1) * samples):
-            simulation = setup.simulation(graph.grasp_map, world.robot, world.obstacles, drawn)
-            done = _executed(simulation, plan, steps)
-            failure, peaks = done.failure, done.peaks
-            yield RunOutcome(
-                plan=number,
-                seed=drawn,
-                failure=None if failure is None else failure.kind,
-                message=None if failure is None else failure.message,
-                steps=len(steps),
-                done=len(done.captures),
-                time=simulation.time,
-                capture_distance=max((one.distance for one in done.captures), default=0.0),
-                grasp_force=float(peaks.grasp_force.max()),
-                grasp_torque=float(peaks.grasp_torque.max()),
-                joint_torque=float(peaks.joint_torque.max()),
-                base_error=peaks.base_error,
-            )
-
-
-@checked()
-def success_rate(outcomes: Sequence[RunOutcome]) -> dict[str, Any]:
-    """Return the share of walks executed to their end, its confidence interval, and the failures.
-
-    The interval is Wilson's at 95 % (Journal of the American Statistical Association 22, 1927).
-    Failures are counted by kind. Without outcomes the share is None.
-    """
-    count = len(outcomes)
-    failures = Counter(outcome.failure for outcome in outcomes if outcome.failure is not None)
-    done = count - sum(failures.values())
-    low, high = 0.0, 1.0
-    if count:
-        low, high = map(float, binomtest(done, count).proportion_ci(method="wilson"))
-    return {
-        "walks": count,
-        "carried_out": done,
-        "share": done / count if count else None,
-        "interval": [low, high],
-        "failures": dict(sorted(failures.items())),
-    }

@@ -60,8 +60,8 @@ class Simulation:
     """A robot in a cabin, with its dynamic state, that executes the steps of a plan.
 
     The simulation moves the anchors of `model` and changes its contact bits as limbs grasp and
-    release. `mass` is that of the robot [kg]. The controller knows neither the `disturbance` nor
-    the points that are `refusing` all grippers.
+    release. The controller knows neither the `disturbance` nor the points that are `refusing` all
+    grippers.
     """
 
     @checked(
@@ -97,7 +97,6 @@ class Simulation:
         self.refusing: frozenset[int] = frozenset()
         self._rng = np.random.default_rng([self.disturbance.seed, 4])
         self._instruments = Instruments(model, robot.limbs)
-        self.mass = self._instruments.mass
         simulated = SimulatedRobot(
             model, self.data, robot, self.physics, self.controller, self.disturbance
         )

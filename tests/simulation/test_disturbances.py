@@ -4,11 +4,9 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from plans import first_steps
 
-from mlivr_gym.errors import SettingError
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import RunOutcome, execute, execute_many, success_rate
+from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.parameters import CONTROLLERS, PACES, ControllerParameters
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
@@ -117,33 +115,10 @@ def test_a_grasp_is_refused_as_often_as_stated(checked_graph, plan):
     assert (failure.kind, failure.step, failure.phase) == ("refused grasp", 0, "approach")
 
 
-def test_each_of_many_walks_has_a_disturbance_of_its_own(checked_graph, plan):
-    setup, step = Setup(disturbances=ALL), first_steps(plan, 1)
-    alone = list(execute_many(checked_graph, [step, step], setup, 2, seed=9))
-    assert alone[2:] == [
-        one._replace(plan=1) for one in execute_many(checked_graph, [step], setup, 2, seed=11)
-    ]
-    assert [(one.plan, one.seed) for one in alone] == [(0, 9), (0, 10), (1, 11), (1, 12)]
-    assert len({one.base_error for one in alone}) == 4
-    told = success_rate(alone)
-    assert told["share"] == told["carried_out"] / 4
-    assert told["walks"] == 4
-    assert told["carried_out"] + sum(told["failures"].values()) == 4
-    for bad in ({"samples": 0}, {"seed": 0}):
-        with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
-            list(execute_many(checked_graph, [plan], **bad))
-
-
-@pytest.mark.parametrize(("done", "count"), [(0, 5), (5, 5), (8, 10), (37, 200)])
-def test_the_interval_of_a_share_is_wilsons_at_95_percent(done, count):
-    """By his formula, with the quantile 1.959964 of the normal distribution."""
-    (empty,) = [success_rate([])]
-    assert (empty["share"], empty["interval"]) == (None, [0.0, 1.0])
-    one = RunOutcome(0, 1, None, None, 1, 1, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    told = success_rate([one] * done + [one._replace(failure="saturation")] * (count - done))
-    share, z = done / count, 1.959964
-    middle = (share + z**2 / (2 * count)) / (1.0 + z**2 / count)
-    half = z * np.sqrt(share * (1.0 - share) / count + (z / (2 * count)) ** 2)
-    half /= 1.0 + z**2 / count
-    assert told["share"] == share
-    np.testing.assert_allclose(told["interval"], [middle - half, middle + half], atol=1e-6)
+def test_a_seed_gives_one_walk_and_another_seed_another(checked_graph, plan):
+    setup, errors = Setup(PACES["gentle"], disturbances=ALL), []
+    for seed in (9, 10, 9):
+        simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot, (), seed)
+        walk = execute(checked_graph, plan, setup.timing, simulation=simulation)
+        errors.append(walk.peaks.base_error)
+    assert errors[0] == errors[2] != errors[1]

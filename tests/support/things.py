@@ -45,7 +45,7 @@ from mlivr_gym.planners.why_not import Cause
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.simulation.disturbances import DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import execute, execute_many
+from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import plan_trajectory
@@ -242,7 +242,6 @@ MAKERS = {
     "MjModel": lambda of: of["Simulation"].model,
     "MjData": lambda of: of["Simulation"].data,
     "StationLoad": lambda of: station_load(of["Recording"]),
-    "RunOutcome": lambda of: next(iter(execute_many(of["StanceGraph"], [of["Plan"]], samples=1))),
     "Reaction": lambda of: mlivr("extensions.reaction").step_reactions(
         of["StanceGraph"], of["Plan"]
     )[0],
