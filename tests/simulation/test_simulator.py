@@ -107,15 +107,3 @@ def test_a_limb_that_is_nearly_there_does_not_turn_back(checked_graph, plan, jem
     late = len(trajectory.times) - 100
     watch = PathWatch(0.05, lambda _, sample: sample >= late)
     assert simulation.execute(trajectory, watch=watch).failure is None
-
-
-def test_the_summary_of_an_execution_is_that_of_its_samples_and_captures(walked):
-    recording, told = walked.recording, walked.summary()
-    momenta = [np.sqrt(momentum @ momentum) for momentum in recording.momenta]
-    squares = [np.mean(torques**2) for torques in recording.joint_torques]
-    assert told["largest_momentum_kg_m_s"] == pytest.approx(max(momenta))
-    assert told["torque_rms_mean_N_m"] == pytest.approx(np.mean(np.sqrt(squares)))
-    times = [0.0, *(one.time for one in walked.captures)]
-    assert told["step_times_s"] == pytest.approx(np.diff(times))
-    assert told["largest_capture_distance_m"] == max(one.distance for one in walked.captures)
-    assert told["peaks"]["torque_rms"] >= np.sqrt(max(squares))

@@ -103,6 +103,7 @@ def test_clocks_are_as_short_as_the_limits_allow_and_no_shorter(paths, profile):
 
 
 LOOSE = Limits(1.0, 1.0, 1e5, 1e5, 10.0)
+"""So that a limit that is tightened decides alone."""
 
 
 @pytest.mark.parametrize("limits", [Limits(), replace(LOOSE, speed=0.05, grasp_force=0.5)])
@@ -154,10 +155,6 @@ def test_a_duration_that_breaks_a_limit_is_refused_with_the_shortest(checked_gra
         found, np.diff([0.0, *timed_path(paths[0], longer).ends]), strict=True
     )) == pytest.approx(1.0, abs=1e-3)  # fmt: skip
     assert len(step_trajectory(checked_graph, walk, 0, longer).times) > TIME_SAMPLES
-
-
-LOOSE = Limits(1.0, 1.0, 1e5, 1e5, 10.0)
-"""So that a limit that is tightened decides alone."""
 
 
 TIGHT = {
