@@ -40,8 +40,8 @@ from mlivr_gym.motion import Durations
 from mlivr_gym.planners import PROVED_IMPOSSIBLE, Planner, SearchOptions
 from mlivr_gym.robot import robot_spec
 from mlivr_gym.simulation import Setup, execute
-from mlivr_gym.simulation.controller import PAPER
 from mlivr_gym.simulation.disturbances import ALL
+from mlivr_gym.simulation.parameters import PAPER
 from mlivr_gym.stances import StanceGraph
 
 TOLERANCE = 0.2

@@ -15,13 +15,13 @@ from mlivr_gym.motion import Durations
 from mlivr_gym.pictures import film_pictures, save_film, with_caption
 from mlivr_gym.pictures.films import default_speed, film_samples, recording_shots
 from mlivr_gym.simulation import Limits, Setup, execute
-from mlivr_gym.simulation.controller import FEEDFORWARD
+from mlivr_gym.simulation.parameters import CONTROLLERS
 
 SIZE = (400, 225)
 """Size of each half of a frame [px]."""
 
 PACES = {
-    "the paper's 10, 30 and 10 s": Setup(Durations(), FEEDFORWARD),
+    "the paper's 10, 30 and 10 s": Setup(Durations(), CONTROLLERS["feedforward"]),
     "as fast as the limits allow": Setup(Limits()),
 }
 """The two executions that are compared."""

@@ -7,9 +7,9 @@ from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
 from mlivr_gym.simulation import PACES, Physics
-from mlivr_gym.simulation.controller import DELAYED, PAPER, ControllerParameters
-from mlivr_gym.simulation.disturbances import NONE
-from mlivr_gym.simulation.guidance import PATIENCE
+from mlivr_gym.simulation.disturbances import DisturbanceRanges
+from mlivr_gym.simulation.grippers import PATIENCE
+from mlivr_gym.simulation.parameters import CONTROLLERS, PAPER, ControllerParameters
 
 LIMITS = {
     "torque": "fraction of each joint's largest torque",
@@ -33,7 +33,8 @@ def limits() -> str:
 
 def controller() -> str:
     """Return the paragraphs on motors, controllers and grasps."""
-    full, physics = ControllerParameters(), Physics()
+    full, physics, sensor = ControllerParameters(), Physics(), DisturbanceRanges()
+    delayed = CONTROLLERS["delayed"]
     rotor = arm_dynamics("ur5e").rotor_inertias[0]
     return (
         f"Motors have the maker's torque limits, joints their rotors' inertia of {rotor:g} kg m^2, "
@@ -46,16 +47,16 @@ def controller() -> str:
         "  the references for the deflection of the grasps.\n"
         "* `full`, the default, is `feedforward` with a *guided* approach: a sensor on the gripper "
         "sees its point with a noise of\n"
-        f"  {1e3 * NONE.sensor_position:g} mm and {np.rad2deg(NONE.sensor_angle):.2g} degrees and "
-        f"guides the limb to it. The gripper waits at most {PATIENCE / full.guidance:g} s "
+        f"  {1e3 * sensor.sensor_position:g} mm and {np.rad2deg(sensor.sensor_angle):.2g} degrees "
+        f"and guides the limb to it. The gripper waits at most {PATIENCE / full.guidance:g} s "
         "until it is close.\n"
         "  Gains differ for supporting and free limbs: in a sampled controller, the velocity gain "
         "of a joint must stay below its\n  inertia divided by the period.\n"
-        f"* `delayed` is `full` with gains for a delay of {1e3 * DELAYED.delay:g} ms from a "
+        f"* `delayed` is `full` with gains for a delay of {1e3 * delayed.delay:g} ms from a "
         "reading to its torque, with\n  which those of `full` are unstable: "
-        f"{DELAYED.kp_free[0]:g} N m/rad and {DELAYED.kd_free[0]:g} N m s/rad for all joints, "
+        f"{delayed.kp_free[0]:g} N m/rad and {delayed.kd_free[0]:g} N m s/rad for all joints, "
         "reduced in\n  the directions in which the inertia of the robot on its grasps is small "
-        "(`simulation/controller.py`).\n"
+        "(`simulation/joint_controller.py`).\n"
         "* `station` is `full` with gains for arms of the size of a space station's.\n\n"
         f"A grasp is a spring and damper ({physics.grasp_stiffness:g} N/m, "
         f"{physics.grasp_rotational_stiffness:g} N m/rad) that is established only within "

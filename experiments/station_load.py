@@ -34,7 +34,7 @@ COSTS = {"base": None, "0.1 m a regrasp": 0.1, "steps": None}
 """Costs of the plans, with the price of a regrasp [m]."""
 
 PACE_NAMES = ("fast", "gentle")
-"""Paces, see `simulation.limits`."""
+"""Paces, see `simulation.parameters`."""
 
 
 def drawn(planner: Planner) -> Iterator[tuple[State, Array]]:

@@ -15,10 +15,8 @@ from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners.query import SearchOptions
 from mlivr_gym.robot.cargo import Cargo, LockedLimb
 from mlivr_gym.robot.visuals import Visual
-from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.world.rails import Handrail, Segment
 

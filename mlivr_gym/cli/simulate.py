@@ -158,8 +158,7 @@ def simulate(args: argparse.Namespace, graph: StanceGraph, plan: Plan) -> int:
 def _setup(args: argparse.Namespace) -> Setup:
     """Return the setup of the execution: pace, controller, physics and disturbances."""
     from mlivr_gym.motion.time_scaling import Durations
-    from mlivr_gym.simulation.dynamics import Physics
-    from mlivr_gym.simulation.limits import PACES
+    from mlivr_gym.simulation.parameters import PACES, Physics
     from mlivr_gym.simulation.setup import Setup
 
     setup = Setup.of(

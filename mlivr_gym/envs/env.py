@@ -39,10 +39,8 @@ from mlivr_gym.transitions.state import State
 from mlivr_gym.world.grasp_map import GraspMap, as_map
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.controller import ControllerParameters
     from mlivr_gym.simulation.disturbances import DisturbanceRanges
-    from mlivr_gym.simulation.dynamics import Physics
-    from mlivr_gym.simulation.limits import Limits
+    from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
     from mlivr_gym.simulation.step_executor import StepExecutor
 
 

@@ -19,8 +19,7 @@ from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
 
 if TYPE_CHECKING:
-    from mlivr_gym.simulation.recording import Failure, Recording
-    from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+    from mlivr_gym.simulation.recording import Failure, Recording, SimulatedInterval
 
 FRAMES_PER_ACTION = 10
 """Pictures of one action, which make one second of film."""

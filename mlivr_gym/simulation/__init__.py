@@ -9,11 +9,9 @@ from mlivr_gym.lazy import lazy
 
 if TYPE_CHECKING:
     from mlivr_gym.simulation.disturbances import DisturbanceRanges
-    from mlivr_gym.simulation.dynamics import Physics
     from mlivr_gym.simulation.execution import Execution, execute
     from mlivr_gym.simulation.export import exported_model
-    from mlivr_gym.simulation.limits import PACES, Limits
-    from mlivr_gym.simulation.monte_carlo import execute_many, success_rate
+    from mlivr_gym.simulation.parameters import PACES, Limits, Physics
     from mlivr_gym.simulation.recording import Recording
     from mlivr_gym.simulation.scene import scene_spec
     from mlivr_gym.simulation.setup import Setup
@@ -32,11 +30,9 @@ __all__ = [
     "Simulation",
     "StepExecutor",
     "execute",
-    "execute_many",
     "exported_model",
     "plan_trajectory",
     "scene_spec",
-    "success_rate",
 ]
 
 __getattr__, __dir__ = lazy(__name__)

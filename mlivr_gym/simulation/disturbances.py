@@ -11,16 +11,15 @@ For encoders, points and grasps of this robot no values are published.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar
 
 import numpy as np
 
 from mlivr_gym.arrays import Array, IntArray
-from mlivr_gym.errors import SettingError
-from mlivr_gym.schema import Choice, FieldPath, Tuples
+from mlivr_gym.schema import Tuples
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.parameter_set import ParameterSet
+from mlivr_gym.simulation.parameters import ParameterSet
 
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity, 1 g [m/s^2]."""
@@ -34,9 +33,6 @@ class DisturbanceRanges(ParameterSet):
     --------
     >>> DisturbanceRanges.of("all").payload
     5.0
-    >>> drawn = DisturbanceRanges(friction=3.0).draw(seed=1, body_count=17, limbs=2, points=50)
-    >>> drawn.friction.shape
-    (2, 6)
     """
 
     friction: Annotated[float, Tuples((), 0.0, 1e3, "N m")] = 0.0
@@ -74,27 +70,15 @@ class DisturbanceRanges(ParameterSet):
 
     label: ClassVar[str] = "disturbances"
 
-    def only(self, name: str) -> DisturbanceRanges:
-        """Return one of these disturbances, with the others at their defaults."""
-        names = Choice(tuple(field.name for field in fields(self)))
-        chosen = names.read(name, FieldPath("name", SettingError))
-        return replace(DisturbanceRanges(), **{chosen: getattr(self, chosen)})
-
     def draw(self, seed: int, body_count: int, limbs: int, points: int) -> Disturbance:
         """Draw the values for one robot and module.
 
         Each parameter has a random stream of its own, so its draw does not depend on the other
-        ranges.
-
-        The map has m `points`, the MuJoCo model of the robot `body_count` bodies.
+        ranges. The map has m `points`, the MuJoCo model of the robot `body_count` bodies.
         """
-        streams = dict(
-            zip(
-                [field.name for field in fields(self)],
-                map(np.random.default_rng, np.random.SeedSequence(seed).spawn(len(fields(self)))),
-                strict=True,
-            )
-        )
+        names = [field.name for field in fields(self)]
+        seeds = np.random.SeedSequence(seed).spawn(len(names))
+        streams = dict(zip(names, map(np.random.default_rng, seeds), strict=True))
         shape = (limbs, 6)
         ball = streams["point_position"]
         offsets = _directions(ball, points) * ball.uniform(size=(points, 1)) ** (1.0 / 3.0)
@@ -178,9 +162,6 @@ def _directions(rng: np.random.Generator, count: int) -> Array:
     return unit
 
 
-NONE = DisturbanceRanges()
-"""No disturbance other than the noise of the gripper sensor."""
-
 ALL = DisturbanceRanges(
     friction=3.0,
     damping=1.0,
@@ -197,7 +178,7 @@ ALL = DisturbanceRanges(
 )
 """All disturbances together, in the ranges that are studied."""
 
-DISTURBANCES = {"none": NONE, "all": ALL}
-"""Ranges of disturbances by name."""
+DISTURBANCES = {"none": DisturbanceRanges(), "all": ALL}
+"""Ranges of disturbances by name; without any, the sensor of a gripper has its noise alone."""
 
 DisturbanceRanges.presets = DISTURBANCES

@@ -1,7 +1,7 @@
 """The dynamic model: the scene with joint motors, compliant grasps and sensors, in zero gravity.
 
 **Joints** have motors with the manufacturer's torque limits, and the rotor inertias
-(`RobotSpec.dynamics_of`). The controller is a separate program, see `controller`.
+(`RobotSpec.dynamics_of`). The controller is a separate program, see `joint_controller`.
 
 **Grasps** are six-dimensional spring-dampers in N/m and N m/rad between the grasp frame of a
 gripper and its anchor, a frame that is put on the point at the moment of the grasp. Each limb has
@@ -17,17 +17,16 @@ surface of the point that it holds, leaves or grasps.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import NamedTuple
 
 import numpy as np
 
 from mlivr_gym.arguments import checked
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.schema import Tuples
+from mlivr_gym.simulation.disturbances import Disturbance
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.parameter_set import ParameterSet
+from mlivr_gym.simulation.parameters import ControllerParameters, Physics
 from mlivr_gym.simulation.scene import ROBOT, SURROUNDINGS, scene_spec
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -39,53 +38,21 @@ AXES = ("x", "y", "z", "about_x", "about_y", "about_z")
 """Axes of a grasp, in the order of its actuators and sensors."""
 
 
-POSITIVE = Tuples((), 1e-12, 1e12)
-"""Valid stiffness, damping and bounds."""
+class SimulatedRobot(NamedTuple):
+    """A robot in MuJoCo, with what determines how it moves."""
 
-
-@dataclass(frozen=True)
-class Physics(ParameterSet):
-    """Parameters of the simulation, of grasps and of failures."""
-
-    timestep: Annotated[float, Tuples((), 1e-5, 0.1, "s")] = 0.002
-    """Time step [s]."""
-    grasp_stiffness: Annotated[float, POSITIVE] = 1.0e4
-    """Translational stiffness of a grasp [N/m]."""
-    grasp_damping: Annotated[float, POSITIVE] = 1.5e3
-    """Translational damping of a grasp [N s/m]; nine tenths of critical for 64 kg."""
-    grasp_rotational_stiffness: Annotated[float, POSITIVE] = 2.0e3
-    """Rotational stiffness of a grasp [N m/rad]."""
-    grasp_rotational_damping: Annotated[float, POSITIVE] = 5.7e2
-    """Rotational damping of a grasp [N m s/rad]; critical for 40 kg m^2, the inertia of the
-    two-limb robot about a grasp."""
-    capture_distance: Annotated[float, POSITIVE] = 0.01
-    """Largest distance between gripper and point at which a grasp succeeds [m]."""
-    capture_angle: Annotated[float, POSITIVE] = float(np.deg2rad(2.0))
-    """Largest angle between gripper and point at which a grasp succeeds [rad]."""
-    hold_force: Annotated[float, POSITIVE] = 200.0
-    """Force beyond which a grasp is lost [N]."""
-    hold_torque: Annotated[float, POSITIVE] = 100.0
-    """Torque beyond which a grasp is lost [N m]."""
-    saturation_time: Annotated[float, POSITIVE] = 0.1
-    """Time for which a joint torque may be at its limit before the joint fails [s]."""
-    joint_limit_tolerance: Annotated[float, POSITIVE] = float(np.deg2rad(3.0))
-    """Angle by which a joint may exceed its limits before it fails [rad]; the manufacturer's
-    controller stops there."""
-
-    label: ClassVar[str] = "physics"
-
-
-STATION = Physics(
-    grasp_stiffness=1e6, grasp_damping=1e5, grasp_rotational_stiffness=5e6,
-    grasp_rotational_damping=1e6, capture_distance=0.05, hold_force=2000.0, hold_torque=6000.0,
-    saturation_time=1.0,
-)  # fmt: skip
-"""Grasps of end effectors of the size of a space station's; figures are assumed."""
-
-PHYSICS = {"default": Physics(), "station": STATION}
-"""Parameters of grasps and failures by name."""
-
-Physics.presets = PHYSICS
+    model: mujoco.MjModel
+    """Model of `dynamics_spec`."""
+    data: mujoco.MjData
+    """Its state."""
+    robot: RobotSpec
+    """The robot that the controller assumes."""
+    physics: Physics
+    """Parameters of grasps and failures."""
+    controller: ControllerParameters
+    """Parameters of the joint controller."""
+    disturbance: Disturbance
+    """Difference between the simulated robot and module and the model of the controller."""
 
 
 @checked(ARGUMENTS)

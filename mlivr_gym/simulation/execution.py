@@ -13,27 +13,22 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import PlanError
 from mlivr_gym.files import write_whole, written_together
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.motion.trajectory import Trajectory
 from mlivr_gym.schema import OrNone
-from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import Disturbance
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.limits import Limits
-from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
+from mlivr_gym.simulation.recording import Capture, Failure, Peaks, Recording, SimulatedInterval
 from mlivr_gym.simulation.simulator import Simulation
-from mlivr_gym.simulation.timing import TIMING, step_trajectory
+from mlivr_gym.simulation.timing import TIMING, step_trajectories
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 FINAL_REST = 2.0
@@ -161,77 +156,36 @@ def execute(
         If durations violate a limit.
     RobotError
         If the robot's masses are not known, see `RobotSpec.dynamics_of`.
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.planners import Planner
-    >>> graph = stance_graph()
-    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
-    >>> execution = execute(graph, plan)
-    >>> execution.failure is None, len(execution.captures) == len(plan.steps)
-    (True, True)
     """
     timing = timing or Limits()
     start = time.perf_counter()
     used = simulation.physics if simulation is not None else physics or Physics()
-    timed = timed_plan(graph, plan, timing, used.timestep)
+    steps = step_trajectories(graph, plan, timing, used.timestep)
     ready = time.perf_counter()
     world = plan.world
     simulation = simulation or Simulation(graph.grasp_map, world.robot, used, world.obstacles)
-    done = execute_timed_plan(simulation, timed, progress)
+    simulation.reset(*plan.configuration(0), steps[0].grasps[0].tolist())
+    parts: list[SimulatedInterval] = []
+    for index, trajectory in enumerate(steps):
+        parts.append(simulation.execute(trajectory, index))
+        if progress is not None:
+            progress(index + 1)
+        if parts[-1].failure is not None:
+            break
+    else:
+        parts.append(simulation.stand_still(steps[-1], FINAL_REST, len(steps) - 1))
+    done = parts[-1].after(*parts[:-1])
     return Execution(
         plan=plan,
         timing=timing,
         controller=simulation.controller,
         physics=simulation.physics,
         disturbance=simulation.disturbance,
-        recording=Recording.join([step.recording for step in done]),
-        peaks=Peaks.join([step.peaks for step in done]),
-        captures=tuple(step.capture for step in done if step.capture is not None),
-        failure=done[-1].failure,
+        recording=done.recording,
+        peaks=done.peaks,
+        captures=done.captures,
+        failure=done.failure,
         simulated_time=simulation.time,
         trajectory_computing_time=ready - start,
         simulation_computing_time=time.perf_counter() - ready,
     )
-
-
-class TimedPlan(NamedTuple):
-    """A plan with a time scaling: everything that the simulation needs."""
-
-    plan: Plan
-    """The plan."""
-    steps: tuple[Trajectory, ...]
-    """Trajectory of each step on the time grid of the simulation."""
-
-
-def timed_plan(
-    graph: StanceGraph, plan: Plan, timing: Limits | Durations, period: float
-) -> TimedPlan:
-    """Compute the trajectories of all steps of a plan on a time grid with spacing `period` [s].
-
-    Raises a `PlanError` if the plan has no step, or a step cannot be followed inside the joint
-    limits, and a `TimingError` if durations violate a limit.
-    """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
-    steps = (
-        step_trajectory(graph, plan, index, timing, period) for index in range(len(plan.steps))
-    )
-    return TimedPlan(plan, tuple(steps))
-
-
-def execute_timed_plan(
-    simulation: Simulation, timed: TimedPlan, progress: Callable[[int], None] | None = None
-) -> list[SimulatedInterval]:
-    """Execute a plan up to its end or first failure; return each step and the rest at the end."""
-    simulation.reset(*timed.plan.configuration(0), timed.steps[0].grasps[0].tolist())
-    done: list[SimulatedInterval] = []
-    for index, trajectory in enumerate(timed.steps):
-        done.append(simulation.execute(trajectory, index))
-        if progress is not None:
-            progress(index + 1)
-        if done[-1].failure is not None:
-            return done
-    done.append(simulation.stand_still(timed.steps[-1], FINAL_REST, len(timed.steps) - 1))
-    return done

@@ -12,8 +12,9 @@ from mlivr_gym.collisions.contacts import checked_configuration
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import Anything
-from mlivr_gym.simulation.dynamics import Physics, dynamics_spec
+from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.parameters import Physics
 from mlivr_gym.simulation.scene import compile_spec
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
@@ -45,16 +46,6 @@ def exported_model(
     [rad]; `points` has index or id of the point that each limb holds; obstacles are boxes in
     addition to those of the map. Raises a `RobotError` if the robot's masses are not known, see
     `RobotSpec.dynamics_of`, and a `SimulationError` if a gripper is not at its point.
-
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> graph, stance = stance_graph(), ("D2a:4", "D2b:4")
-    >>> configuration = graph.configuration(graph.state(stance))
-    >>> model = exported_model(graph.grasp_map, graph.robot, configuration, stance)
-    >>> model.splitlines()[0]
-    '<mujoco model="jem-mlivr2-dynamics">'
     """
     physics = Physics()
     simulation = Simulation(grasp_map, robot, physics, obstacles)

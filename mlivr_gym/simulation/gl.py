@@ -1,7 +1,7 @@
 """The import of MuJoCo, which loads the GL library that the variable `MUJOCO_GL` names.
 
-All modules import MuJoCo from here. An invalid value of the variable is a `SettingError`. Without a
-library that can be loaded, scenes are compiled and simulated, and renderers raise `render_error`.
+All modules import MuJoCo from here. Without a library that can be loaded, or with an invalid value
+of the variable, scenes are compiled and simulated, and renderers raise `render_error`.
 """
 
 from __future__ import annotations
@@ -10,18 +10,9 @@ import gc
 import os
 import sys
 
-from mlivr_gym.errors import RenderError, SettingError
-from mlivr_gym.schema import Choice, FieldPath
+from mlivr_gym.errors import RenderError
 
 __all__ = ["forget_context", "mujoco", "render_error"]
-
-BACKENDS = ("egl", "osmesa", "glfw", "disable")
-"""Values of `MUJOCO_GL`: GPU without a screen, software, with a screen, and no rendering."""
-
-ALIASES = {"", "glx", "wgl", "cgl", "enable", "enabled", "on", "true", "1"} | {
-    "disabled", "off", "false", "0",
-}  # fmt: skip
-"""Further values that MuJoCo accepts."""
 
 
 def render_error(error: Exception) -> RenderError:
@@ -54,16 +45,12 @@ def forget_context(error: BaseException) -> None:
     sys.unraisablehook = hook
 
 
-_backend = os.environ.get("MUJOCO_GL", "").lower().strip()
-if _backend not in ALIASES:
-    Choice(BACKENDS).read(_backend, FieldPath("MUJOCO_GL", SettingError))
 _fault: Exception | None = None
 try:
     import mujoco
 except Exception as error:  # GL loaders raise errors of many kinds
-    _fault = error
-    given = os.environ.get("MUJOCO_GL")
+    _fault, given = error, os.environ.get("MUJOCO_GL", "")
     os.environ["MUJOCO_GL"] = "disable"
     import mujoco
 
-    os.environ["MUJOCO_GL"] = given or ""
+    os.environ["MUJOCO_GL"] = given

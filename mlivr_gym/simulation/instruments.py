@@ -1,17 +1,22 @@
-"""Measurements from the states and sensor data of a simulation."""
+"""Measurements from the states and sensor data of a simulation, and the first failure in them."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from mlivr_gym.arrays import Array, BoolArray
+from mlivr_gym.arrays import Array, BoolArray, IntArray
+from mlivr_gym.motion.joint_path import PHASES
 from mlivr_gym.motion.trajectory import Trajectory
+from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.simulation.dynamics import AXES
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.recording import Peaks, Recording
+from mlivr_gym.simulation.parameters import Physics
+from mlivr_gym.simulation.recording import Failure, Peaks, Recording
+from mlivr_gym.world.boxes import BOX
 
 DIVERGENCE_LIMIT = mujoco.mjMAXVAL
 """A state with a larger value, or with NaN, has diverged; the bound is MuJoCo's own."""
@@ -19,16 +24,8 @@ DIVERGENCE_LIMIT = mujoco.mjMAXVAL
 RECORD_PERIOD = 0.02
 """Spacing of the recorded samples [s]."""
 
-
-class Measurements(NamedTuple):
-    """Measurements at n successive time steps."""
-
-    recording: Recording
-    """The recorded quantities."""
-    speeds: Array
-    """Joint velocities, shape (n, N, 6) [rad/s]."""
-    finite: BoolArray
-    """Whether the state is finite, shape (n,)."""
+SATURATION_SHARE = 0.999
+"""A joint torque above this share of its limit counts as saturated."""
 
 
 class Instruments:
@@ -64,12 +61,12 @@ class Instruments:
         first: int,
         elapsed: int,
         step: int,
-    ) -> Measurements:
-        """Return the measurements at n successive time steps of a step of the recording.
+    ) -> tuple[Recording, BoolArray]:
+        """Return what is measured at n successive time steps, and whether each state is finite.
 
         `states` are n rows of `JointController.run` before each, `sensors` the data of each. Errors
         of the base are measured from the planned trajectory, on whose time grid the first has an
-        index; `elapsed` time steps were before it since the reset.
+        index; `elapsed` time steps were before it since the reset. `step` is that of the recording.
         """
         count, samples = len(states), slice(first, first + len(states))
         times = np.arange(elapsed, elapsed + count, dtype=np.float64) * self.model.opt.timestep
@@ -77,12 +74,8 @@ class Instruments:
         on_time = np.abs(states[:, 0] - times) < 0.5 * self.model.opt.timestep
         finite: BoolArray = np.asarray((np.abs(states) < DIVERGENCE_LIMIT).all(axis=1) & on_time)
         # Values of a diverged state do not matter: a failure is reported at the first one.
-        qpos, qvel = np.split(
-            np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq + self.model.nv],
-            [self.model.nq],
-            1,
-        )
-        base = qpos[:, :7]
+        positions = np.where(finite[:, None], states, 0.0)[:, 1 : 1 + self.model.nq]
+        base, joints = np.split(positions, [7], axis=1)
         cosine = np.abs((base[:, 3:] * trajectory.base_quaternions[samples]).sum(axis=1))
         cosine /= np.maximum(np.linalg.norm(base[:, 3:], axis=1), 1e-9)
         forces, torques = np.split(sensors[:, self._wrenches], [3], axis=2)
@@ -90,7 +83,7 @@ class Instruments:
             times=times,
             step=np.full(count, step),
             phase=np.full(count, int(trajectory.phase[first + 1])),
-            joint_positions=qpos[:, 7:].reshape(count, self._limbs, 6),
+            joint_positions=joints.reshape(count, self._limbs, 6),
             joint_torques=sensors[:, self._torques],
             base_positions=base[:, :3],
             base_quaternions=base[:, 3:],
@@ -103,7 +96,7 @@ class Instruments:
             angular_momenta=sensors[:, self._momentum : self._momentum + 3],
             contacts=sensors[:, self._contact].astype(np.int64),
         )
-        return Measurements(recording, qvel[:, 6:].reshape(count, self._limbs, 6), finite)
+        return recording, finite
 
     def _on_module(self, forces: Array, torques: Array) -> dict[str, Array]:
         """Return force and torque on the module of grasp forces and torques, shape (n, N, 3)."""
@@ -114,13 +107,100 @@ class Instruments:
         about_origin = torques + np.cross(self.model.body_pos[self._anchors], forces)
         return {"module_forces": -forces.sum(axis=1), "module_torques": -about_origin.sum(axis=1)}
 
-    def recorded(self, measurements: Measurements, ended: int) -> tuple[Recording, Peaks]:
-        """Return samples and peaks of the first `ended` time steps.
-
-        The samples are `RECORD_PERIOD` apart; the peaks are those over all time steps.
-        """
-        whole = measurements.recording.part(slice(ended))
+    def recorded(self, whole: Recording) -> tuple[Recording, Peaks]:
+        """Return the samples of all time steps that are kept, and the peaks over all."""
         stride = max(round(RECORD_PERIOD / self.model.opt.timestep), 1)
         start = round(whole.times[0] / self.model.opt.timestep)
-        peaks = Peaks.of(whole, measurements.speeds[:ended])
-        return whole.part(slice(-start % stride, None, stride)), peaks
+        return whole.part(slice(-start % stride, None, stride)), Peaks.of(whole)
+
+
+_Event = tuple[int, str, int, str, dict[str, float]]
+"""Index of a time step, and kind, limb, message and values of the failure."""
+
+
+class FailureMonitor:
+    """Detects the first failure of a step: in its motion, in a wait, or in a further approach."""
+
+    def __init__(self, physics: Physics, robot: RobotSpec) -> None:
+        """Monitor a step of a robot."""
+        self.physics, self.limits = physics, robot.joint_limits
+        self._torques: Array = robot.torque_limits
+        self._saturated: IntArray = np.zeros((robot.limbs, 6), dtype=np.int64)
+
+    def first_failure(self, recording: Recording, finite: BoolArray) -> tuple[int, Failure] | None:
+        """Return the index of the first time step with a failure, and the failure, or None.
+
+        The time steps are of one phase, follow those of the previous call, and have a state each
+        that may be `finite`.
+        """
+        events: list[_Event] = []
+        for kind, fails, message in (
+            ("divergence", ~finite, "the simulation diverged"),
+            ("collision", recording.contacts > 0, "the robot touches something"),
+        ):
+            if fails.any():
+                events.append((int(np.argmax(fails)), kind, -1, message, {}))
+        events += [*self._lost_holds(recording), *self._joint_failures(recording)]
+        if not events:
+            return None
+        index, kind, limb, message, values = min(events, key=lambda entry: entry[0])
+        time, step = float(recording.times[index]), int(recording.step[index])
+        phase = PHASES[recording.phase[index]]
+        return index, Failure(kind, time, step, phase, limb, message, values)
+
+    def _lost_holds(self, recording: Recording) -> Iterator[_Event]:
+        """Yield a failure for each grasp that is loaded beyond its strength."""
+        for limb in range(recording.grasp_forces.shape[1]):
+            for name, unit, wrench, limit in (
+                ("force", "N", recording.grasp_forces, self.physics.hold_force),
+                ("torque", "N m", recording.grasp_torques, self.physics.hold_torque),
+            ):
+                size = np.linalg.norm(wrench[:, limb], axis=1)
+                if (size > limit).any():
+                    index = int(np.argmax(size > limit))
+                    value, key = float(size[index]), f"{name}_{unit.replace(' ', '_')}"
+                    message = (
+                        f"limb {limb} lost its hold: {name} of {value:.1f} {unit}; "
+                        f"it holds {limit:g} {unit}"
+                    )
+                    values = {key: value, f"allowed_{key}": limit}
+                    yield index, "lost hold", limb, message, values
+
+    def _joint_failures(self, recording: Recording) -> Iterator[_Event]:
+        """Yield failures of joints: torque saturated for too long, or angle outside its limits."""
+        at_limit = np.abs(recording.joint_torques) >= SATURATION_SHARE * self._torques
+        # Number of consecutive saturated time steps up to each time step.
+        index = np.arange(1, len(at_limit) + 1)[:, None, None]
+        start = np.maximum.accumulate(np.where(at_limit, 0, index), axis=0)
+        run = np.where(start == 0, index + self._saturated, index - start)
+        self._saturated = run[-1]
+        allowed = self.physics.saturation_time
+        for k, limb, joint in np.argwhere(run * self.physics.timestep > allowed)[:1].tolist():
+            message = (
+                f"joint {joint + 1} of limb {limb} has been at its torque limit of "
+                f"{self._torques[limb, joint]:g} N m for longer than {allowed:g} s"
+            )
+            torque = float(recording.joint_torques[k, limb, joint])
+            values = {"joint": joint + 1.0, "torque_N_m": torque, "allowed_time_s": allowed}
+            yield k, "saturation", limb, message, values
+        angles, limits = recording.joint_positions, self.limits
+        excess = np.maximum(limits[..., 0] - angles, angles - limits[..., 1])
+        for k, limb, joint in np.argwhere(excess > self.physics.joint_limit_tolerance)[:1].tolist():
+            angle = float(angles[k, limb, joint])
+            message = (
+                f"joint {joint + 1} of limb {limb} is at {np.rad2deg(angle):.1f} deg, "
+                "outside its limits"
+            )
+            yield k, "joint limit", limb, message, {"joint": joint + 1.0, "angle_rad": angle}
+
+
+def with_contact_names(failure: Failure, model: mujoco.MjModel, data: mujoco.MjData) -> Failure:
+    """Return a collision failure with the names of the two geoms in contact."""
+    if failure.kind != "collision" or not data.ncon:
+        return failure
+    contact = data.contact[int(np.argmin(data.contact.dist))]
+    names = [model.geom(int(geom)).name for geom in contact.geom]
+    robot = next(name for name in names if not name.startswith(BOX))
+    limb = int(robot[4 : robot.index("/")]) if robot.startswith("limb") else -1
+    message = f"{names[0]} and {names[1]} touch, {-1e3 * contact.dist:.2f} mm deep"
+    return replace(failure, limb=limb, message=message, values={"depth_m": float(-contact.dist)})

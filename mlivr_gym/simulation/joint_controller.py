@@ -1,7 +1,37 @@
-"""The joint controller at work: from encoder readings to joint torques, in each sampling period.
+"""The joint controller: sampled PD control with feedforward, and guidance of the approach.
 
-A `Reference` says what the joints shall do, and a `JointController` makes the simulated joints do
-it. `controller` explains the law by which it computes the torques, and holds its parameters.
+In every period the controller reads the encoders and commands each joint the torque
+
+    tau = kp (q_ref - q) + kd (qdot_ref - qdot) + tau_ff,
+
+saturated at the torque limit and held until the next period. `tau_ff` is the inverse dynamics of
+the trajectory, see `feedforward`. `q_ref` is the trajectory plus an offset. At the beginning
+of a step `align_references` sets the offset such that the references equal the encoder readings;
+limbs that hold the same robot then do not work against each other. During departure and swing the
+offset decays, so that errors do not accumulate over steps: that of the free limb, and the part of
+the others that a motion of the base takes back, see `compatible_motions`. The rest of it would load
+grasps against each other. During a guided approach the offset of the swing limb follows what a
+sensor on the gripper measures of the point.
+
+A reading that is late by `delay` makes a velocity gain unstable in a direction in which the inertia
+is small. What multiplies kp (q_ref - q) + kd (qdot_ref - qdot) is then, in place of the identity,
+the matrix
+
+    (I + T kd A)^-1,    T = delay / `DELAY_SHARE`,
+
+where A is the inverse inertia at the joints, see `inverse_inertia`, with T times its damping as the
+inertia that a grasp adds to its gripper (an implicit step of length T). In each direction velocity
+gain times delay is at most `DELAY_SHARE` of the inertia, and where that is large the gain is kd.
+
+A support limb carries the whole robot, about 30 kg m^2 about its joints, and is damped by its
+grasp. A free limb ends in a wrist of little more than its rotor inertia, 0.1 kg m^2. A sampled
+derivative gain must stay below inertia over period, which is 50 N m s/rad for that wrist at 500 Hz.
+Support limbs and free limbs therefore have different gains.
+
+On a single support limb the robot oscillates slowly. Guiding the free limb pushes the base in the
+opposite direction and excites this motion; shoulder and elbow of the support limb damp it. The
+gripper waits until it is at rest relative to the points held, since a grasp that captures a moving
+gripper loads it at once through its damper.
 
 The wrenches of the compliant grasps deflect them; the joints of the support limbs compensate the
 deflection, so that the base stays on its path.
@@ -20,15 +50,14 @@ from scipy.signal import lfilter
 from mlivr_gym.arrays import Array, IntArray
 from mlivr_gym.motion.trajectory import FREE, Trajectory
 from mlivr_gym.robot.specification import RobotSpec
-from mlivr_gym.simulation.controller import ControllerParameters
-from mlivr_gym.simulation.disturbances import Disturbance
-from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.dynamics import SimulatedRobot
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.inverse_dynamics import (
     compatible_motions,
     compute_inverse_dynamics,
     inverse_inertia,
 )
+from mlivr_gym.simulation.parameters import ControllerParameters, Physics
 
 DELAY_SHARE = 0.25
 """Bound of velocity gain times delay over inertia; an inertia alone is unstable above pi / 2."""
@@ -129,21 +158,13 @@ def _deflections(physics: Physics, wrenches: Array, period: float) -> Array:
 class JointController:
     """Sampled control of the joints of a simulated robot.
 
-    `offset` is added to the joint angles of every reference, shape (6 N,) [rad]; see `controller`.
+    `offset` is added to the joint angles of every reference, shape (6 N,) [rad].
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        data: mujoco.MjData,
-        robot: RobotSpec,
-        controller: ControllerParameters,
-        disturbance: Disturbance,
-        physics: Physics,
-    ) -> None:
+    def __init__(self, simulated: SimulatedRobot) -> None:
         """Look up the motors of the joints, which have the same names, and start afresh."""
-        self._model, self._data, self._robot = model, data, robot
-        self._controller, self._ranges = controller, disturbance.ranges
+        model, self._data, self._robot, physics, controller, disturbance = simulated
+        self._model, self._controller, self._ranges = model, controller, disturbance.ranges
         self._bias = disturbance.encoder_bias.ravel()
         self._rng = np.random.default_rng([disturbance.seed, 1])
         self._damping = np.repeat([physics.grasp_damping, physics.grasp_rotational_damping], 3)
@@ -195,7 +216,7 @@ class JointController:
         return offsets
 
     def _share(self, kd: Array, held: Sequence[bool]) -> Array:
-        """Return the matrix by which gains are reduced for the delay, see `controller`."""
+        """Return the matrix by which gains are reduced for the delay."""
         time, identity = self._controller.delay / DELAY_SHARE, np.eye(len(kd))
         if not time:
             return identity

@@ -21,7 +21,7 @@ from scipy.interpolate import CubicSpline, PPoly
 from mlivr_gym.arrays import Array
 from mlivr_gym.motion.joint_path import PHASES, JointPath, PathSegment
 from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 
 TIME_SAMPLES = 201
 """Number of regular times at which the loads during a time scaling are evaluated."""

@@ -1,9 +1,10 @@
-"""Records of a simulation: measurements, captures and failures."""
+"""Records of a simulation: measurements, captures and failures, and the intervals they are of."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -122,12 +123,10 @@ class Peaks:
     """Distance between the base and its trajectory [m]."""
     base_angle_error: float
     """Angle between the base and its trajectory [rad]."""
-    joint_speed: float
-    """Velocity of any joint [rad/s]."""
 
     @classmethod
-    def of(cls, recording: Recording, speeds: Array) -> Peaks:
-        """Return the peaks of every time step; `speeds` are joint velocities (k, N, 6) [rad/s]."""
+    def of(cls, recording: Recording) -> Peaks:
+        """Return the peaks of a recording of every time step."""
         return cls(
             joint_torque=np.abs(recording.joint_torques).max(axis=0),
             torque_rms=float(recording.torque_rms.max()),
@@ -135,19 +134,15 @@ class Peaks:
             grasp_torque=np.linalg.norm(recording.grasp_torques, axis=2).max(axis=0),
             base_error=float(recording.base_errors.max()),
             base_angle_error=float(recording.base_angle_errors.max()),
-            joint_speed=float(np.abs(speeds).max()),
         )
 
     @classmethod
-    def join(cls, parts: list[Peaks]) -> Peaks:
+    def join(cls, parts: Sequence[Peaks]) -> Peaks:
         """Return the maxima over several peaks."""
-        largest = {
-            field.name: np.max([getattr(part, field.name) for part in parts], axis=0)
-            for field in fields(cls)
-        }
-        values: dict[str, Any] = {
-            name: value if value.ndim else float(value) for name, value in largest.items()
-        }
+        values: dict[str, Any] = {}
+        for field in fields(cls):
+            largest = np.max([getattr(part, field.name) for part in parts], axis=0)
+            values[field.name] = largest if largest.ndim else float(largest)
         return cls(**values)
 
     def to_dict(self) -> dict[str, Any]:
@@ -156,3 +151,27 @@ class Peaks:
             name: value.tolist() if isinstance(value, np.ndarray) else value
             for name, value in asdict(self).items()
         }
+
+
+class SimulatedInterval(NamedTuple):
+    """Measurements of an interval of the simulation: a regrasp, or a time of standing still."""
+
+    recording: Recording
+    """Samples of the measurements."""
+    peaks: Peaks
+    """Maxima over all time steps."""
+    captures: tuple[Capture, ...] = ()
+    """The capture of the point; empty if it was not captured, several after several regrasps."""
+    failure: Failure | None = None
+    """The failure of the step, or None."""
+    has_turned_back: bool = False
+    """Whether the limb turned back, since its path was blocked; the failure may be on its way."""
+
+    def after(self, *before: SimulatedInterval) -> SimulatedInterval:
+        """Return this interval with the measurements of those before it in front of its own."""
+        parts = (*before, self)
+        return self._replace(
+            recording=Recording.join([part.recording for part in parts]),
+            peaks=Peaks.join([part.peaks for part in parts]),
+            captures=tuple(capture for part in parts for capture in part.captures),
+        )

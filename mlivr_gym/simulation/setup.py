@@ -12,11 +12,9 @@ from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.schema import FieldPath, Struct
-from mlivr_gym.simulation.controller import ControllerParameters
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.inverse_dynamics import robot_model
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import ControllerParameters, Limits, Physics
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.grasp_map import GraspMap
@@ -62,8 +60,8 @@ class Setup:
     ) -> Setup:
         """Return a setup from instances, plain data or names; None stands for the defaults.
 
-        A part is given as an instance, by its fields, or by a name: in `limits.PACES`,
-        `controller.CONTROLLERS`, `dynamics.PHYSICS` and `disturbances.DISTURBANCES`. Raises a
+        A part is given as an instance, by its fields, or by a name: in `PACES`,
+        `CONTROLLERS` and `PHYSICS` of `parameters`, or `disturbances.DISTURBANCES`. Raises a
         `SettingError` if a part is invalid; the message names it.
         """
         return cls(

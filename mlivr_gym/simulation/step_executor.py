@@ -12,7 +12,6 @@ the failure `"no swing"`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,9 +25,8 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.trajectory import Trajectory, trajectory
 from mlivr_gym.simulation.disturbances import DisturbanceRanges
-from mlivr_gym.simulation.recording import Failure
+from mlivr_gym.simulation.recording import Failure, SimulatedInterval
 from mlivr_gym.simulation.setup import Setup
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch, Simulation
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances.checked_steps import join
@@ -97,7 +95,7 @@ class StepExecutor:
         self._plan, self._next, self.steps_done = plan, 0, 0
         if plan is not None:
             self.joints = plan.joint_path(0).knots[0]
-            self.state = self._on_branches(state, plan.motion.branches[0])
+            self.state = self._on_branches(state, plan.motion.branches[0], self.joints)
         else:
             for limb in range(graph.limbs):
                 state = self._options(state, limb)[0]
@@ -200,74 +198,60 @@ class StepExecutor:
         self._next += 1
         joints, limb = self.joints.copy(), path.limb
         joints[limb] = path.knots[-1, limb]
-        reached = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
-        branch_sets = tuple(
-            reached.branch_sets[i] if i == limb else branch_set
-            for i, branch_set in enumerate(self.state.branch_sets)
-        )
-        return path, State(after, branch_sets)
+        there = self._on_branches(State(after, ()), plan.motion.branches[self._next], joints)
+        branch_sets = self.state.branch_sets
+        return path, _with_branch_set(State(after, branch_sets), limb, there.branch_sets[limb])
 
     def _committed(self, reached: State) -> tuple[JointPath, State] | None:
         """Return a step to a stance, and the state that it reaches; None if no swing exists.
 
         Of the branches with a swing the limb takes the one with most successors.
         """
-        graph = self.graph
-        ends = self._ends(reached.stance)
-        for option in self._options(reached, ends.limb):
-            branches = (*ends.branches[:-1], bits_of(option.branch_sets[ends.limb])[0] & 7)
-            joints = np.stack([self.joints, graph.configuration(option)[2]])
-            chosen = replace(ends, branches=branches, joints=joints)
-            committed = commit(graph, chosen)
+        graph, state, after = self.graph, self.state, reached.stance
+        postures = join(graph.posture_of(state), graph.posture(after))
+        limb = moving_limb(state.stance, after)
+        branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
+        for option in self._options(reached, limb):
+            ends = StepEnds(
+                limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
+                (*branches, bits_of(option.branch_sets[limb])[0] & 7),
+                np.stack([self.joints, graph.configuration(option)[2]]),
+            )  # fmt: skip
+            committed = commit(graph, ends)
             if committed is not None and committed.path is not None:
                 return committed.path, option
         return None
 
-    def _ends(self, after: tuple[int, ...]) -> StepEnds:
-        """Return the ends of the step to a stance without grasp branch."""
-        graph, state = self.graph, self.state
-        postures = join(graph.posture_of(state), graph.posture(after))
-        limb = moving_limb(state.stance, after)
-        branches = [bits_of(branch_set)[0] & 7 for branch_set in state.branch_sets]
-        return StepEnds(
-            limb, state.stance, after[limb], postures.base_position, postures.base_rotation,
-            (*branches, branches[limb]), np.stack([self.joints, self.joints]),
-        )  # fmt: skip
-
     def _options(self, state: State, limb: int) -> list[State]:
         """Return the state with a limb on each of its branches, most successors first."""
-        options = []
-        for bit in range(16):
-            if state.branch_sets[limb] >> bit & 1:
-                branch_sets = tuple(
-                    1 << bit if i == limb else branch_set
-                    for i, branch_set in enumerate(state.branch_sets)
-                )
-                options.append(state._replace(branch_sets=branch_sets))
+        branches = bits_of(state.branch_sets[limb])
+        options = [_with_branch_set(state, limb, 1 << branch) for branch in branches]
         return sorted(options, key=lambda option: -len(self.graph.successors(option).limb))
 
     def _on_branches(
-        self, state: State, branches: Sequence[int] | IntArray, joints: Array | None = None
+        self, state: State, branches: Sequence[int] | IntArray, joints: Array
     ) -> State:
         """Return the state with limbs on given branches; the flips follow from the joint angles."""
-        joints = self.joints if joints is None else joints
         plain = state._replace(branch_sets=tuple(1 << int(branch) for branch in branches))
         unturned = self.graph.configuration(plain)[2]
-        turned = np.cos(joints[:, 5] - unturned[:, 5]) < 0.0
-        branch_sets = tuple(
-            int(branch_set) << 8 * int(flip)
-            for branch_set, flip in zip(plain.branch_sets, turned, strict=True)
-        )
-        return state._replace(branch_sets=branch_sets)
+        flips = (np.cos(joints[:, 5] - unturned[:, 5]) < 0.0).tolist()
+        turned = zip(plain.branch_sets, flips, strict=True)
+        return state._replace(branch_sets=tuple(one << 8 * flip for one, flip in turned))
+
+
+def _with_branch_set(state: State, limb: int, branch_set: int) -> State:
+    """Return the state with another branch set of a limb."""
+    before = state.branch_sets
+    return state._replace(branch_sets=(*before[:limb], branch_set, *before[limb + 1 :]))
 
 
 def _measures(executed: SimulatedInterval, begin: float, time: float) -> dict[str, Any]:
     """Return the measurements of a step that lasted from `begin` to `time` [s]."""
-    peaks, capture, failure = executed.peaks, executed.capture, executed.failure
+    peaks, failure = executed.peaks, executed.failure
     return {
         "failure": None if failure is None else failure.to_dict(),
-        "capture_distance": 0.0 if capture is None else capture.distance,
-        "capture_angle": 0.0 if capture is None else capture.angle,
+        "capture_distance": max((one.distance for one in executed.captures), default=0.0),
+        "capture_angle": max((one.angle for one in executed.captures), default=0.0),
         "peak_torque": float(peaks.joint_torque.max()),
         "torque_rms": peaks.torque_rms,
         "peak_grasp_force": float(peaks.grasp_force.max()),

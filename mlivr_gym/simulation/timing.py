@@ -6,7 +6,7 @@ given duration, and one that violates a limit is refused.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from functools import reduce
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -19,7 +19,7 @@ from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.time_scaling import Durations, duration_of, quintic, stretch
 from mlivr_gym.motion.trajectory import TimedPath, Trajectory, trajectory
 from mlivr_gym.schema import OrNone
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 from mlivr_gym.simulation.path_dynamics import SegmentDynamics, segment_dynamics
 from mlivr_gym.simulation.time_optimal import time_optimal_scaling
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -42,17 +42,22 @@ def timed_path(path: JointPath, timing: Limits | Durations | None = None) -> Tim
     if isinstance(timing, Durations):
         # By their shortest durations, so that all segments are equally far from their limits.
         shares = [one.binding(quintic(1.0)).duration for one in dynamics[1:-1]]
-        scalings = timing.time_scalings(np.array(shares))
-        _check(dynamics, scalings, timing)
-        return TimedPath(path, scalings)
+        given = timing.time_scalings(np.array(shares))
+        bindings = [one.binding(scaling) for one, scaling in zip(dynamics, given, strict=True)]
+        pairs = zip(bindings, given, strict=True)
+        factors = [one.duration / duration_of(scaling) for one, scaling in pairs]
+        worst = int(np.argmax(factors))
+        if factors[worst] > 1.0 + ROUNDING:
+            shortest = timing.total * factors[worst]
+            raise TimingError(timing.total, bindings[worst].description, shortest)
+        return TimedPath(path, given)
     scalings = tuple(shortest_scaling(one, limits) for one in dynamics)
     shortest = sum(map(duration_of, scalings))
     if limits.step_duration is not None:
         if limits.step_duration < shortest * (1.0 - ROUNDING):
-            slowest = max(dynamics, key=lambda one: one.binding(quintic(1.0)).duration)
-            raise TimingError(
-                limits.step_duration, slowest.binding(quintic(1.0)).description, shortest
-            )
+            bindings = [one.binding(quintic(1.0)) for one in dynamics]
+            slowest = max(bindings, key=lambda binding: binding.duration)
+            raise TimingError(limits.step_duration, slowest.description, shortest)
         factor = limits.step_duration / shortest
         scalings = tuple(stretch(scaling, factor) for scaling in scalings)
     return TimedPath(path, scalings)
@@ -69,21 +74,6 @@ def shortest_scaling(dynamics: SegmentDynamics, limits: Limits) -> PPoly:
         return plain
     fast = time_optimal_scaling(dynamics, limits.rise_time)
     return min(fast, plain, key=duration_of)
-
-
-def _check(
-    dynamics: Sequence[SegmentDynamics], scalings: Sequence[PPoly], durations: Durations
-) -> None:
-    """Check that durations respect all limits; the error names the durations that would."""
-    bindings = [one.binding(scaling) for one, scaling in zip(dynamics, scalings, strict=True)]
-    factors = [
-        one.duration / duration_of(scaling) for one, scaling in zip(bindings, scalings, strict=True)
-    ]
-    worst = int(np.argmax(factors))
-    if factors[worst] > 1.0 + ROUNDING:
-        raise TimingError(
-            durations.total, bindings[worst].description, durations.total * factors[worst]
-        )
 
 
 @checked({**ARGUMENTS, "timing": TIMING})
@@ -104,6 +94,16 @@ def step_trajectory(
     return trajectory(graph.grasp_map, plan.stances[index : index + 2], timed, period)
 
 
+def step_trajectories(
+    graph: StanceGraph, plan: Plan, timing: Limits | Durations | None, period: float
+) -> tuple[Trajectory, ...]:
+    """Compute the trajectory of each step of a plan; for arguments and errors see the others."""
+    if not plan.steps:
+        raise PlanError("the plan has no step: it starts at its goal")
+    indices = range(len(plan.steps))
+    return tuple(step_trajectory(graph, plan, index, timing, period) for index in indices)
+
+
 @checked({**ARGUMENTS, "timing": TIMING})
 def plan_trajectory(
     graph: StanceGraph,
@@ -116,21 +116,6 @@ def plan_trajectory(
     The timing is by default `Limits()`, and `period` the spacing of the time grid [s]. Raises a
     `PlanError` if the plan has no step, or a step cannot be followed inside the joint limits, and a
     `TimingError` if durations violate a limit.
-
-
-    Examples
-    --------
-    >>> from mlivr_gym import stance_graph
-    >>> from mlivr_gym.planners import Planner
-    >>> graph = stance_graph()
-    >>> plan = Planner(graph).plan(("D2a:4", "D2b:4"), (6.0, 0.0, 0.42), cost="steps").unwrap()
-    >>> walk = plan_trajectory(graph, plan, Durations(), period=0.1)
-    >>> round(float(walk.times[-1]), 6) == 50.0 * len(plan.steps)
-    True
     """
-    if not plan.steps:
-        raise PlanError("the plan has no step: it starts at its goal")
-    whole = step_trajectory(graph, plan, 0, timing, period)
-    for index in range(1, len(plan.steps)):
-        whole = step_trajectory(graph, plan, index, timing, period).after(whole)
-    return whole
+    steps = step_trajectories(graph, plan, timing, period)
+    return reduce(lambda whole, step: step.after(whole), steps)

@@ -11,7 +11,7 @@ from mlivr_gym.agents import EvaluationTask, ExpertPolicy, RandomPolicy, evaluat
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.dynamics import Physics
+from mlivr_gym.simulation.parameters import Physics
 
 
 class First:

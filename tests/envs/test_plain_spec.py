@@ -15,8 +15,7 @@ from mlivr_gym.envs.rewards import REWARDS
 from mlivr_gym.envs.wrappers import ActionMaskObservation
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits, Physics
 
 
 def remade(env):

@@ -2,18 +2,12 @@
 
 from dataclasses import fields, replace
 
-import mujoco
 import numpy as np
 import pytest
-from plans import first_steps
-from scipy.spatial.transform import Rotation
 
-from mlivr_gym.errors import SettingError
-from mlivr_gym.simulation.controller import FEEDFORWARD, ControllerParameters
 from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges, robot_body_ids
-from mlivr_gym.simulation.execution import execute_timed_plan, timed_plan
-from mlivr_gym.simulation.limits import GENTLE
-from mlivr_gym.simulation.monte_carlo import RunOutcome, execute_many, success_rate
+from mlivr_gym.simulation.execution import execute
+from mlivr_gym.simulation.parameters import CONTROLLERS, PACES, ControllerParameters
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.simulator import Simulation
 
@@ -47,12 +41,12 @@ def test_draws_stay_within_their_sizes_and_fill_them():
 def test_one_disturbance_does_not_move_the_others():
     whole = ALL.draw(3, 17, 2, 50)
     for field in fields(DisturbanceRanges):
-        alone = ALL.only(field.name).draw(3, 17, 2, 50)
+        one = DisturbanceRanges(**{field.name: getattr(ALL, field.name)})
+        alone = one.draw(3, 17, 2, 50)
         if hasattr(whole, field.name):
             np.testing.assert_array_equal(getattr(alone, field.name), getattr(whole, field.name))
-    np.testing.assert_array_equal(
-        ALL.only("point_angle").draw(3, 17, 2, 50).point_turns, whole.point_turns
-    )
+    turned = DisturbanceRanges(point_angle=ALL.point_angle).draw(3, 17, 2, 50)
+    np.testing.assert_array_equal(turned.point_turns, whole.point_turns)
 
 
 def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
@@ -79,28 +73,29 @@ def test_a_disturbance_changes_the_model_as_it_says(jem, plan):
 
 def test_points_that_are_off_are_found_by_the_guided_limb_alone(checked_graph, plan):
     """5 mm off, every point: a limb that follows the map comes to rest as far from its point."""
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     robot, points = plan.world.robot, len(checked_graph.grasp_map)
     drawn = DisturbanceRanges(point_position=0.005).draw(2, 17, 2, points)
     away = drawn.point_offsets / np.linalg.norm(drawn.point_offsets, axis=1, keepdims=True)
     drawn = replace(drawn, point_offsets=0.005 * away)
     found = {}
-    for name, controller in (("guided", ControllerParameters()), ("blind", FEEDFORWARD)):
+    for name, controller in (
+        ("guided", ControllerParameters()),
+        ("blind", CONTROLLERS["feedforward"]),
+    ):
         simulation = Simulation(
             checked_graph.grasp_map, robot, controller=controller, disturbance=drawn
         )
-        done = execute_timed_plan(simulation, walk)
-        assert done[-1].failure is None
-        found[name] = done[0].capture.distance
+        done = execute(checked_graph, plan, PACES["gentle"], simulation=simulation)
+        assert done.failure is None
+        found[name] = done.captures[0].distance
     assert found["blind"] == pytest.approx(0.005, abs=5e-4)
     assert found["guided"] < 0.0015
 
 
 def test_a_grasp_misses_where_its_tolerance_is_tiny(checked_graph, plan):
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
-    setup = Setup.of(controller=FEEDFORWARD, physics={"capture_distance": 1e-9})
+    setup = Setup.of(controller=CONTROLLERS["feedforward"], physics={"capture_distance": 1e-9})
     simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot)
-    failure = execute_timed_plan(simulation, walk)[-1].failure
+    failure = execute(checked_graph, plan, PACES["gentle"], simulation=simulation).failure
     assert (failure.kind, failure.step, failure.phase) == ("missed grasp", 0, "approach")
     assert failure.limb == plan.steps[0].limb
     assert failure.values["distance_m"] > failure.values["allowed_distance_m"] == 1e-9
@@ -114,64 +109,16 @@ def test_a_grasp_is_refused_as_often_as_stated(checked_graph, plan):
     assert (refusals[:-1] & refusals[1:]).mean() == pytest.approx(0.09, abs=0.02)  # independent
     never = Setup().simulation(checked_graph.grasp_map, plan.world.robot)
     assert not any(never.refuses(k) for k in range(50))
-    walk = timed_plan(checked_graph, plan, GENTLE, 0.002)
     simulation = Simulation(checked_graph.grasp_map, plan.world.robot)
     simulation.refuses = lambda _: True
-    failure = execute_timed_plan(simulation, walk)[-1].failure
+    failure = execute(checked_graph, plan, PACES["gentle"], simulation=simulation).failure
     assert (failure.kind, failure.step, failure.phase) == ("refused grasp", 0, "approach")
 
 
-def test_many_walks_are_the_same_whatever_the_number_of_processes(checked_graph, plan):
-    setup, step = Setup(disturbances=ALL), first_steps(plan, 1)
-    alone = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=1))
-    spread = list(execute_many(checked_graph, [step, step], setup, 2, seed=9, workers=2))
-    assert alone == spread
-    assert [(one.plan, one.seed) for one in alone] == [(0, 9), (0, 10), (1, 11), (1, 12)]
-    assert len({one.base_error for one in alone}) == 4
-    told = success_rate(alone)
-    assert told["share"] == told["carried_out"] / 4
-    assert told["walks"] == 4
-    assert told["carried_out"] + sum(told["failures"].values()) == 4
-    for bad in ({"samples": 0}, {"seed": 0}, {"workers": 0}):
-        with pytest.raises(SettingError, match=f"{next(iter(bad))} is 0"):
-            list(execute_many(checked_graph, [plan], **bad))
-
-
-@pytest.mark.parametrize(("done", "count"), [(0, 5), (5, 5), (8, 10), (37, 200)])
-def test_the_interval_of_a_share_is_wilsons_at_95_percent(done, count):
-    """By his formula, with the quantile 1.959964 of the normal distribution."""
-    (empty,) = [success_rate([])]
-    assert (empty["share"], empty["interval"]) == (None, [0.0, 1.0])
-    one = RunOutcome(0, 1, None, None, 1, 1, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    told = success_rate([one] * done + [one._replace(failure="saturation")] * (count - done))
-    share, z = done / count, 1.959964
-    middle = (share + z**2 / (2 * count)) / (1.0 + z**2 / count)
-    half = z * np.sqrt(share * (1.0 - share) / count + (z / (2 * count)) ** 2)
-    half /= 1.0 + z**2 / count
-    assert told["share"] == share
-    np.testing.assert_allclose(told["interval"], [middle - half, middle + half], atol=1e-6)
-
-
-def test_a_gripper_moves_with_the_limbs_that_hold(jem, plan):
-    """By kinematics: the base is put where the gripper that holds has stayed, a moment later."""
-    simulation, start = Simulation(jem, plan.world.robot), plan.configuration(0)
-    limb, rng, moment = plan.steps[0].limb, np.random.default_rng(3), 1e-6
-    simulation.reset(*start, [jem.index(point) for point in plan.stances[0]])
-    grippers, data = simulation._grippers, simulation.data
-    grippers.detach(limb)
-    speeds = rng.uniform(-0.5, 0.5, 12)
-    found = grippers.relative_speed(limb, speeds)
-    held, here = (pose_of(grippers, each) for each in (1 - limb, limb))
-    data.qpos[7:] += moment * speeds
-    mujoco.mj_kinematics(simulation.model, data)
-    moved = held @ np.linalg.inv(pose_of(grippers, 1 - limb)) @ pose_of(grippers, limb)
-    turn = Rotation.from_matrix(moved[:3, :3] @ here[:3, :3].T).magnitude()
-    away = np.linalg.norm(moved[:3, 3] - here[:3, 3])
-    np.testing.assert_allclose(found, np.array([away, turn]) / moment, rtol=1e-4)
-
-
-def pose_of(grippers, limb):
-    """Where a gripper is, shape (4, 4)."""
-    out = np.eye(4)
-    out[:3, 3], out[:3, :3] = grippers.pose(limb)
-    return out
+def test_a_seed_gives_one_walk_and_another_seed_another(checked_graph, plan):
+    setup, errors = Setup(PACES["gentle"], disturbances=ALL), []
+    for seed in (9, 10, 9):
+        simulation = setup.simulation(checked_graph.grasp_map, plan.world.robot, (), seed)
+        walk = execute(checked_graph, plan, setup.timing, simulation=simulation)
+        errors.append(walk.peaks.base_error)
+    assert errors[0] == errors[2] != errors[1]

@@ -78,7 +78,7 @@ def test_arms_of_the_maker_have_the_makers_masses(jem, name, links, base):
     by_name = robot_spec({"name": name, "limb": asdict(UNKNOWN), "dynamics": name})
     for robot in (by_lengths, by_name):
         simulation = Simulation(jem, robot)
-        assert simulation.mass == pytest.approx(20.0 + 2 * (links + base + 0.5))
+        assert simulation.model.body_mass.sum() == pytest.approx(20.0 + 2 * (links + base + 0.5))
     assert robot_spec(by_name.to_dict()) == by_name
 
 

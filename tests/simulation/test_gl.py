@@ -40,14 +40,15 @@ def folder(tmp_path_factory, small_graph):
 
 
 def test_a_command_tells_it_in_one_line(folder):
-    words = "simulate --map map.json --plan plan.json --no-film --out w"
+    words = "simulate --map map.json --plan plan.json --out w"
     done = run(folder, "foo", "-m", "mlivr_gym", *words.split())
-    assert done.returncode == 2, done.stderr
-    told = [line for line in done.stderr.splitlines() if line.startswith("mlivr-gym: ")]
+    assert done.returncode in (0, 1), done.stderr  # steps of this plan were not checked
+    told = [line for line in (done.stdout + done.stderr).splitlines() if "MUJOCO_GL" in line]
     assert len(told) == 1
-    assert "MUJOCO_GL is 'foo'; valid choices are 'egl', 'osmesa', 'glfw'" in told[0]
+    assert "cannot render with MUJOCO_GL='foo'" in told[0]
+    assert "set MUJOCO_GL to 'egl', 'osmesa' or 'glfw'" in told[0]
     assert "Traceback" not in done.stderr
-    assert sorted(path.name for path in folder.iterdir()) == ["map.json", "plan.json"]
+    assert (folder / "w" / "simulation.npz").exists()
 
 
 def test_an_interruption_while_a_context_opens_leaves_one_traceback(folder):

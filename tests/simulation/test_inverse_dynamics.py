@@ -1,13 +1,14 @@
-"""Torques and wrenches of random motions against Pinocchio's recursive Newton-Euler algorithm."""
+"""Torques, wrenches and compatible motions against Pinocchio."""
 
 import numpy as np
 import pinocchio as pin
 import pytest
 from pinocchio_robots import pinocchio_robot
+from scipy.linalg import null_space, orth
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import robot_spec
-from mlivr_gym.simulation.inverse_dynamics import compute_inverse_dynamics
+from mlivr_gym.simulation.inverse_dynamics import compatible_motions, compute_inverse_dynamics
 
 
 @pytest.mark.parametrize(("limbs", "holding"), [(2, (0,)), (2, (1,)), (3, (0, 2)), (4, (1, 2, 3))])
@@ -38,3 +39,18 @@ def test_torques_and_wrenches_are_pinocchios(limbs, holding):
         torques = needed[6:] - jacobian[:, 6:].T @ wrench
         np.testing.assert_allclose(found.wrenches[0, k].ravel(), wrench, atol=1e-5)
         np.testing.assert_allclose(found.torques[0, k].ravel(), torques, atol=1e-5)
+
+
+@pytest.mark.parametrize("holding", [[1], [0, 2], [0, 1, 2]])
+def test_compatible_motions_are_those_that_leave_the_grippers_where_they_are(holding):
+    """The null space of Pinocchio's Jacobians of all grippers that hold, without its base."""
+    robot, joints = robot_spec("mlivr3"), np.random.default_rng(3).uniform(-2.0, 2.0, 18)
+    other = pinocchio_robot(robot)
+    data, place = other.createData(), np.concatenate([[0, 0, 0, 0, 0, 0, 1.0], joints])
+    jacobians = [
+        pin.computeFrameJacobian(other, data, place, other.getFrameId(f"grasp{i}"), pin.LOCAL)
+        for i in holding
+    ]
+    motions = orth(null_space(np.concatenate(jacobians))[6:])
+    found = compatible_motions(robot, holding, joints)
+    np.testing.assert_allclose(found, motions @ motions.T, atol=1e-9)

@@ -110,10 +110,10 @@ def test_captures_and_failures_carry_the_step_of_the_walk(small_checked_graph, e
             _, executed = executor.step(limb, point, branch_sets)
             assert (executed.failure.kind, executed.failure.step) == ("refused grasp", 1)
             assert executor.measures["failure"]["step"] == 1
-            assert executor.retreat().capture.step == 1
+            assert executor.retreat().captures[0].step == 1
             executor.simulation.refusing = frozenset()
         state, executed = executor.step(limb, point, branch_sets)
-        assert executed.capture.step == step
+        assert executed.captures[0].step == step
         assert set(executed.recording.step.tolist()) == {step}
         assert executor.steps_done == step + 1
     assert executor._not_begun(0, 0, "no reason").step == 2

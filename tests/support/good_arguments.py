@@ -87,7 +87,6 @@ SPECIAL = {
     "film": lambda of: {"path": "walk.gif", "size": (32, 16), "speed": 1000.0},
     "film_pictures": lambda of: {"shots": [of["Shot"]], "size": (32, 16)},
     "save_film": lambda of: {"pictures": [np.zeros((16, 32, 3), np.uint8)], "path": "walk.gif"},
-    "execute_many": lambda of: {"plans": [], "workers": 1},
     "run_study": lambda of: {"folder": "study", "engine": ThreadPoolExecutor(1)},
     "RecordVideo": lambda of: {"video_folder": "films"},
     "read_study": lambda of: {"folder": of.file("study")},
@@ -101,8 +100,6 @@ SPECIAL = {
     "read_robot": lambda of: {"path": of.file("robot.urdf")},
     "carrying_robot": lambda of: {"robot": of["three-limb graph"].robot},
     "limits": lambda of: {"frequencies": np.array([1.0, 2.0])},
-    "DisturbanceRanges.only": lambda of: {"name": "friction"},
-    "success_rate": lambda of: {"outcomes": [of["RunOutcome"]]},
     "plan_cargo_mission": lambda of: {
         "graph": of["three-limb graph"],
         "start": of["three limbs"].stance,

@@ -47,7 +47,6 @@ from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.robot.visuals import Visual
 from mlivr_gym.simulation.disturbances import DisturbanceRanges, robot_body_ids
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.monte_carlo import execute_many
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.setup import Setup
 from mlivr_gym.simulation.timing import plan_trajectory
@@ -239,7 +238,7 @@ MAKERS = {
     "Failure": lambda of: Failure("time", 1.0, 0, "swing", 0, "too long", {}),
     "ControllerParameters": lambda of: of["Execution"].controller,
     "Physics": lambda of: of["Execution"].physics,
-    "Limits": lambda of: mlivr("simulation.limits").Limits(),
+    "Limits": lambda of: mlivr("simulation.parameters").Limits(),
     "DisturbanceRanges": lambda of: DisturbanceRanges(),
     "Disturbance": lambda of: DisturbanceRanges().draw(
         0, len(robot_body_ids(of["MjModel"])), 2, len(of.map.ids)
@@ -249,9 +248,6 @@ MAKERS = {
     "MjModel": lambda of: of["Simulation"].model,
     "MjData": lambda of: of["Simulation"].data,
     "StationLoad": lambda of: station_load(of["Recording"]),
-    "RunOutcome": lambda of: next(
-        iter(execute_many(of["StanceGraph"], [of["Plan"]], samples=1, workers=1))
-    ),
     "Reaction": lambda of: mlivr("extensions.reaction").step_reactions(
         of["StanceGraph"], of["Plan"]
     )[0],

@@ -24,8 +24,8 @@ from mlivr_gym.robot import Cargo, RobotSpec
 from mlivr_gym.settings import CLEARANCE
 from mlivr_gym.simulation import Limits, Physics, Simulation, scene_spec
 from mlivr_gym.simulation.gl import mujoco
+from mlivr_gym.simulation.recording import SimulatedInterval
 from mlivr_gym.simulation.scene import compile_spec, robot_alone, set_configuration
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.transitions.departures import Departure, departure_of

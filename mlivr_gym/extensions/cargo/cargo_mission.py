@@ -29,7 +29,7 @@ from mlivr_gym.robot import MOST_LIMBS, Cargo, RobotSpec
 from mlivr_gym.robot.rigid import combined, rigid
 from mlivr_gym.schema import NAME, Integer, ListOf, OrNone
 from mlivr_gym.simulation import Execution, Limits, execute
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.recording import SimulatedInterval
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.values import as_triple
 from mlivr_gym.world import Box

@@ -22,7 +22,7 @@ from mlivr_gym.robot import RobotSpec
 from mlivr_gym.schema import Integer, Numbers, Tuples
 from mlivr_gym.simulation.disturbances import robot_body_ids
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.parameter_set import ParameterSet
+from mlivr_gym.simulation.parameters import ParameterSet
 
 CORNERS = np.array(list(product((1.0, -1.0), repeat=3)))
 """Signs of the coordinates of the corners of the body in its frame, shape (8, 3)."""

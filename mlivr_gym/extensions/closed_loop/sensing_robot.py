@@ -19,8 +19,7 @@ from mlivr_gym.motion import Trajectory
 from mlivr_gym.planners import Plan
 from mlivr_gym.sharing import Independent
 from mlivr_gym.simulation import StepExecutor
-from mlivr_gym.simulation.recording import Failure
-from mlivr_gym.simulation.simulated_robot import SimulatedInterval
+from mlivr_gym.simulation.recording import Failure, SimulatedInterval
 from mlivr_gym.simulation.simulator import PathWatch
 from mlivr_gym.stances import State
 

@@ -14,8 +14,7 @@ from mlivr_gym.extensions.cargo import cargo_mission
 from mlivr_gym.extensions.cargo.arm_motion import LimbScene
 from mlivr_gym.extensions.cargo.cargo_mission import _grasp, loaded_robot, plan_cargo_mission
 from mlivr_gym.robot.cargo import Cargo
-from mlivr_gym.simulation.dynamics import Physics
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits, Physics
 from mlivr_gym.simulation.scene import robot_alone, set_configuration
 
 BAG = Cargo(10.0, 0.2)

@@ -13,7 +13,7 @@ from mlivr_gym.extensions.closed_loop.record import (
 )
 from mlivr_gym.extensions.closed_loop.sensing_robot import NOTICED
 from mlivr_gym.planners import Planner
-from mlivr_gym.simulation.controller import PAPER
+from mlivr_gym.simulation.parameters import PAPER
 
 START = ["walk", "--start", "D2a:4", "D2b:4"]
 BAG = ["--unknown", "3.5", "-0.35", "-0.9", "3.8", "0.35", "0.0"]

@@ -10,7 +10,7 @@ from mlivr_gym.extensions.reaction.fastest import COSTS, ranked_plans, step_reac
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import GENTLE
+from mlivr_gym.simulation.parameters import PACES
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +36,10 @@ def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
 
 def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
     goal = (6.0, 0.0, 0.42)
-    best = ranked_plans(planner, ("D2a:4", "D2b:4"), goal, GENTLE)[0]
-    execution = execute(planner.graph, best.plan, GENTLE)
+    best = ranked_plans(planner, ("D2a:4", "D2b:4"), goal, PACES["gentle"])[0]
+    execution = execute(planner.graph, best.plan, PACES["gentle"])
     assert execution.failure is None
-    planned = [one.seconds for one in step_reactions(planner.graph, best.plan, GENTLE)]
+    planned = [one.seconds for one in step_reactions(planner.graph, best.plan, PACES["gentle"])]
     waited = execution.step_times - planned
     # A step takes whole periods, and a gripper may wait before its point.
     assert (waited > -1e-9).all()

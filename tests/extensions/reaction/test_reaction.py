@@ -16,7 +16,7 @@ from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import Limits
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 

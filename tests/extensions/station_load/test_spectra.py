@@ -15,11 +15,9 @@ from mlivr_gym.extensions.station_load import StationLoad, limits
 from mlivr_gym.extensions.station_load import load as module
 from mlivr_gym.extensions.station_load.load import load_recording
 from mlivr_gym.extensions.station_load.spectra import station_load, third_octaves
-from mlivr_gym.simulation.controller import FEEDFORWARD
-from mlivr_gym.simulation.dynamics import Physics
 from mlivr_gym.simulation.execution import execute
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.limits import Limits
+from mlivr_gym.simulation.parameters import CONTROLLERS, Limits, Physics
 from mlivr_gym.simulation.simulator import Simulation
 
 
@@ -31,7 +29,9 @@ def plan(walk):
 @pytest.fixture(scope="module")
 def simulation(jem, plan):
     """With a time step at which MuJoCo conserves momentum to 3 %; the error grows with it."""
-    return Simulation(jem, plan.world.robot, Physics(timestep=0.0002), controller=FEEDFORWARD)
+    return Simulation(
+        jem, plan.world.robot, Physics(timestep=0.0002), controller=CONTROLLERS["feedforward"]
+    )
 
 
 @pytest.fixture(scope="module")
