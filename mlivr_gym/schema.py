@@ -51,14 +51,17 @@ class FieldPath(NamedTuple):
 
     path: str
     error: type[MlivrError]
+    metres: float = 1.0
+    """Unit of the lengths in the data [m], by which they are multiplied as they are read."""
 
     def field(self, name: str) -> FieldPath:
         """Return the path of a field of the object at this place."""
-        return FieldPath(f"{self.path}.{name}" if self.path else name, self.error)
+        is_start = not self.path or self.path.endswith(" ")
+        return self._replace(path=f"{self.path}{'' if is_start else '.'}{name}")
 
     def entry(self, number: int) -> FieldPath:
         """Return the path of an entry of the list at this place."""
-        return FieldPath(f"{self.path}[{number}]", self.error)
+        return self._replace(path=f"{self.path}[{number}]")
 
     def fault(self, message: str) -> MlivrError:
         """Return an error whose message is this place followed by `message`."""
@@ -190,6 +193,8 @@ class Numbers:
             shape_found = "is " if there in ((), shape) else f"has shape {there}, "
             kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
             raise place.fault(f"{shape_found}{shortened(value)}; it must be {kind}")
+        if self.unit == "m":
+            found = found * place.metres
         wrong = ~np.isfinite(found) | (found < self.least) | (found > self.most)
         if self.unit == "m":
             wrong |= np.abs(found) > self.most
@@ -199,9 +204,11 @@ class Numbers:
                 place = place.entry(int(index))
             if not np.isfinite(found[first]):
                 raise place.refused(array.item(first), "a finite number")
-            if self.unit == "m" and abs(found[first]) > self.most:
-                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m; {self.hint}")
-            raise place.refused(float(found[first]), self._range())
+            number = float(found[first])
+            note = f", where the data have {array.item(first):g}" if place.metres != 1.0 else ""
+            if self.unit == "m" and abs(number) > self.most:
+                raise place.fault(f"is {number:g}, larger than {self.most:g} m{note}; {self.hint}")
+            raise place.refused(number, f"{self._range()}{note}")
         return found
 
     def _range(self) -> str:

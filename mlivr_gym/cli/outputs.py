@@ -23,17 +23,6 @@ MAX_NAMED = 3
 INPUTS = ("map", "robot", "obstacles", "plan", "hyperparameters")
 """Options of commands that may name a file to be read; `init` names a checkpoint without suffix."""
 
-UNITS = ("B", "kB", "MB", "GB", "TB")
-"""Units of file sizes, each a thousand times the one before it."""
-
-
-def file_size(count: float) -> str:
-    """Format a number of bytes with a unit, such as `"1.5 MB"`."""
-    unit = 0
-    while count >= 999.5 and unit + 1 < len(UNITS):
-        count, unit = count / 1000.0, unit + 1
-    return f"{count:.3g} {UNITS[unit]}"
-
 
 def input_files(args: argparse.Namespace) -> dict[Path, str]:
     """Return the option of each file that a command reads, by the resolved path of the file."""

@@ -27,20 +27,23 @@ from mlivr_gym.errors import (
     shortened,
 )
 from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import FieldPath, OrNone, Tuples
+from mlivr_gym.schema import Anything, FieldPath, OrNone, Tuples
 from mlivr_gym.values import EqualByData
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.given_points import GOAL, STANCE, is_point_number
 from mlivr_gym.world.joining import joined_fields, placed_maps
 from mlivr_gym.world.map_entries import (
+    OVERRIDES,
     map_fields,
-    overrides,
     plain_fields,
     refuse_overrides,
     whole_fields,
 )
 from mlivr_gym.world.rails import Handrail, Segment
+
+FILE = WithError(MapError, FileName())
+"""The path of a map file."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -183,6 +186,7 @@ class GraspMap(EqualByData):
         return plain_fields(vars(self))
 
     @classmethod
+    @checked(OVERRIDES | {"path": FILE})
     def load(
         cls,
         path: str | Path,
@@ -198,7 +202,7 @@ class GraspMap(EqualByData):
         cannot be read, an entry is faulty, which is named, or an argument would be of no effect,
         and a `SettingError` if another argument is faulty.
         """
-        given, file = overrides(spacing, clearance, unit), _file(path)
+        given, file = _given(spacing=spacing, clearance=clearance, unit=unit), Path(path)
         if file.suffix.lower() == ".csv":
             refuse_overrides(given, "a table has points, not rails", "spacing", "clearance")
             return cls.from_csv(file, **given)
@@ -206,6 +210,7 @@ class GraspMap(EqualByData):
         return load(path, "map", MapError, made)
 
     @classmethod
+    @checked({"path": FILE})
     def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
         """Read the points of a map from a table with columns id, x, y, z, nx, ny, nz, rx, ry, rz.
 
@@ -215,12 +220,13 @@ class GraspMap(EqualByData):
         is also that of the table. Raises a `MapError` if the file cannot be read or a row is
         faulty, with its line; or if points are given.
         """
-        path = _file(path)
-        points = read_points(path, surroundings)
+        file = Path(path)
+        points = read_points(file, surroundings)
         place = FieldPath(f"map {path_shown(path)}", MapError)
-        return place.build(cls.from_dict, surroundings | {"points": points}, name=path.stem)
+        return place.build(cls.from_dict, surroundings | {"points": points}, name=file.stem)
 
     @classmethod
+    @checked({"path": FILE, "scale": Anything(), "resolution": Anything()})
     def from_mesh(
         cls, path: str | Path, *, scale: float = 1, resolution: float | None = None, **entries: Any
     ) -> GraspMap:
@@ -234,9 +240,8 @@ class GraspMap(EqualByData):
         rails that carry points, and `unit`, the unit of all lengths but those in the mesh. Raises a
         `MapError` if the mesh cannot be read or covered, or an entry is faulty.
         """
-        file, finer = _file(path), {} if resolution is None else {"resolution": resolution}
-        mesh = {"file": str(file), "scale": scale} | finer
-        return cls.from_dict(entries | {"mesh": mesh}, name=file.stem)
+        mesh = {"file": path, "scale": scale} | _given(resolution=resolution)
+        return cls.from_dict(entries | {"mesh": mesh}, name=Path(path).stem)
 
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.
@@ -246,6 +251,7 @@ class GraspMap(EqualByData):
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     @classmethod
+    @checked(OVERRIDES | {"name": Anything()})
     def from_dict(
         cls,
         data: Any,
@@ -264,7 +270,7 @@ class GraspMap(EqualByData):
         clearance are given for data of `to_dict`, and a `SettingError` if spacing or clearance are
         faulty.
         """
-        given = overrides(spacing, clearance)
+        given = _given(spacing=spacing, clearance=clearance)
         return FieldPath("", MapError).build(cls._made, data, given, name, Path())
 
     @classmethod
@@ -278,9 +284,9 @@ class GraspMap(EqualByData):
 _PLACE = FieldPath("map", MapError)
 
 
-def _file(path: object) -> Path:
-    """Return the path of a map file."""
-    return Path(FileName().read(path, FieldPath("path", MapError)))
+def _given(**options: Any) -> dict[str, Any]:
+    """Return the options that a caller gave."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
