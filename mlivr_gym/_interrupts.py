@@ -1,35 +1,67 @@
-"""The end of the command by Ctrl-C while it starts; `cli.exits` handles it later.
+"""The end of the command by Ctrl-C, whatever it is doing.
 
-The imports of the command take a second, in which Python would print the lines of all imports
-under way. So this module is the first that the package imports, and imports next to nothing.
+Python handles signals between its own instructions only, while a compiled search may run for a
+minute, and in the second that its imports take it would print the lines of all that are under way.
+So a command blocks the signal, for its threads and for the processes that it starts, and a thread
+waits for it. This module is the first that the package imports, and imports next to nothing.
 """
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import sys
+import threading
+import time
 from contextlib import suppress
-from types import FrameType
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
 
-MESSAGE = "mlivr-gym: interrupted"
-"""What such a command prints if it has no more to say."""
-
 CLEAR_LINE = "\r\033[K"
 """What removes a progress line from a terminal."""
 
+_is_watched = False
+"""Whether a thread waits for the signal."""
 
-def end_at_once(signum: int = signal.SIGINT, frame: FrameType | None = None) -> None:
-    """End the process with one line, the handler of Ctrl-C of a command that starts or has ended.
+_grace = 0.0
+"""Time that the main thread has to respond to the signal [s]."""
 
-    It writes around `sys.stderr`, which may be in use at that moment.
+
+def set_grace(seconds: float) -> None:
+    """Give the main thread time to respond to a `KeyboardInterrupt` [s]; 0 ends it at once."""
+    global _grace
+    _grace = seconds
+
+
+def watch() -> None:
+    """Let Ctrl-C interrupt the main thread, and end the process if that does not respond in time.
+
+    Nothing changes on Windows, or if the signal is handled or ignored by other code.
     """
-    with suppress(OSError):
+    handler = signal.getsignal(signal.SIGINT)
+    if hasattr(signal, "sigwait") and handler is signal.default_int_handler:
+        global _is_watched
+        _is_watched = True
+        block()
+        threading.Thread(target=_wait, daemon=True).start()
+
+
+def block() -> None:
+    """Block the signal in this thread, and in what it starts, if another thread waits for it."""
+    if _is_watched:
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+
+def _wait() -> None:
+    signal.sigwait({signal.SIGINT})
+    if _grace:
+        _thread.interrupt_main()
+        time.sleep(_grace)
+    with suppress(OSError):  # around `sys.stderr`, which may be in use at that moment
         start = CLEAR_LINE if os.isatty(2) else ""
-        os.write(2, f"{start}{MESSAGE}\n".encode())
+        os.write(2, f"{start}mlivr-gym: interrupted\n".encode())
     os._exit(INTERRUPTED)
 
 
@@ -52,6 +84,5 @@ def is_command() -> bool:
     )  # fmt: skip
 
 
-if is_command() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    with suppress(ValueError):  # not the main thread
-        signal.signal(signal.SIGINT, end_at_once)
+if is_command():
+    watch()
