@@ -4,14 +4,6 @@ Everything that is read from a file or given as plain data goes through a schema
 boxes, plans, settings and hyperparameters. A schema is a `Validator`; those of objects and lists
 are composed of others. `read` either returns the converted data or raises one error, which names
 the place (`points[3].normal[0]`), the value found there and what would be valid.
-
-Examples
---------
->>> from mlivr_gym.errors import MapError
->>> rail = Fields({"id": NAME, "ends": Numbers((2, 3), most=1000.0, unit="m")})
->>> rail.read({"id": "R", "ends": [[0, 0, 0], "x"]}, FieldPath("", MapError))
-Traceback (most recent call last):
-mlivr_gym.errors.MapError: ends is [[0, 0, 0], 'x']; it must be finite numbers of shape (2, 3)
 """
 
 from __future__ import annotations

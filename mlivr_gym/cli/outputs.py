@@ -57,27 +57,20 @@ def check_outputs(
         if file is None:
             continue
         try:
-            try:
-                resolved = plain_file(file)
-            except NotADirectoryError:  # below, in other words
-                resolved = Path(file)
-            _check(Path(file), resolved, Path(folder) if folder is not None else None)
-            if resolved is None:
-                continue
-            if resolved.exists():
-                replaced.append(str(file))
-        except (OSError, ValueError) as error:  # a ValueError for a null character in the name
+            target = _target(file, None if folder is None else Path(folder))
+            if target in inputs:
+                raise ValueError(
+                    f"it is the file of {inputs[target]}, which would be replaced; give the output "
+                    "another name"
+                )
+            if target in seen:
+                raise ValueError("two outputs have this name; give each its own")
+        except (OSError, ValueError) as error:  # also of a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {reason(error)}") from None
-        if resolved in inputs:
-            raise FileError(
-                f"cannot write {str(file)!r}: it is the file of {inputs[resolved]}, which would be "
-                "replaced; give the output another name"
-            )
-        if resolved in seen:
-            raise FileError(
-                f"cannot write {str(file)!r}: two outputs have this name; give each its own"
-            )
-        seen.add(resolved)
+        if target is not None:
+            seen.add(target)
+            if target.exists():
+                replaced.append(str(file))
     if replaced:
         more = len(replaced) - MAX_NAMED
         names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
@@ -108,15 +101,20 @@ def all_or_none(args: argparse.Namespace, folder: str | Path | None = None) -> I
     print(told.getvalue(), end="", flush=True)
 
 
-def _check(path: Path, target: Path | None, folder: Path | None) -> None:
-    """Raise an `OSError` if a file cannot be written; `folder` may be made later.
+def _target(file: str | Path, folder: Path | None) -> Path | None:
+    """Return the plain file that a path leads to, None for a device or a pipe.
 
-    `target` is what `plain_file` returned for its path.
+    Raises an `OSError` if it cannot be written; `folder` may be made later.
     """
+    path = Path(file)
+    try:
+        target = plain_file(file)
+    except NotADirectoryError:  # told below, in other words
+        target = path
     if target is None:
         if not os.access(path, os.W_OK):
             raise PermissionError("no permission to write")
-        return
+        return None
     if path.is_symlink():
         path = target
     parent = path.parent
@@ -128,3 +126,4 @@ def _check(path: Path, target: Path | None, folder: Path | None) -> None:
         raise NotADirectoryError(f"{str(parent)!r} is not a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise PermissionError(f"no permission to write in folder {str(parent)!r}")
+    return target
