@@ -58,6 +58,8 @@ def check_outputs(
             continue
         try:
             target = _target(file, None if folder is None else Path(folder))
+            if target is None:
+                continue
             if target in inputs:
                 raise ValueError(
                     f"it is the file of {inputs[target]}, which would be replaced; give the output "
@@ -67,10 +69,9 @@ def check_outputs(
                 raise ValueError("two outputs have this name; give each its own")
         except (OSError, ValueError) as error:  # also of a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {reason(error)}") from None
-        if target is not None:
-            seen.add(target)
-            if target.exists():
-                replaced.append(str(file))
+        seen.add(target)
+        if target.exists():
+            replaced.append(str(file))
     if replaced:
         more = len(replaced) - MAX_NAMED
         names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
