@@ -8,13 +8,12 @@ waits for it. This module is the first that the package imports, and imports nex
 
 from __future__ import annotations
 
-import _thread
 import os
 import signal
 import sys
 import threading
-import time
 from contextlib import suppress
+from types import FrameType
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
@@ -22,15 +21,18 @@ INTERRUPTED = 130
 CLEAR_LINE = "\r\033[K"
 """What removes a progress line from a terminal."""
 
-_is_watched = False
-"""Whether a thread waits for the signal."""
+INTERRUPT = getattr(signal, "SIGUSR1", None)
+"""Signal by which the thread that waits for Ctrl-C interrupts the main one."""
 
-_grace = 0.0
-"""Time that the main thread has to respond to the signal [s]."""
+_responded = threading.Event()
+"""Set when the main thread was interrupted."""
+
+_is_watched, _grace = False, 0.0
+"""Whether a thread waits for Ctrl-C, and the time that the main one has to respond to it [s]."""
 
 
 def set_grace(seconds: float) -> None:
-    """Give the main thread time to respond to a `KeyboardInterrupt` [s]; 0 ends it at once."""
+    """Give the main thread time to respond with a `KeyboardInterrupt` [s]; 0 ends it at once."""
     global _grace
     _grace = seconds
 
@@ -41,24 +43,32 @@ def watch() -> None:
     Nothing changes on Windows, or if the signal is handled or ignored by other code.
     """
     handler = signal.getsignal(signal.SIGINT)
-    if hasattr(signal, "sigwait") and handler is signal.default_int_handler:
+    if INTERRUPT is not None and handler is signal.default_int_handler:
         global _is_watched
         _is_watched = True
+        signal.signal(INTERRUPT, _interrupt)
         block()
         threading.Thread(target=_wait, daemon=True).start()
 
 
 def block() -> None:
-    """Block the signal in this thread, and in what it starts, if another thread waits for it."""
+    """Block Ctrl-C in this thread, and in what it starts, if another thread waits for it."""
     if _is_watched:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
 
 
+def _interrupt(signum: int, frame: FrameType | None) -> None:
+    _responded.set()
+    raise KeyboardInterrupt
+
+
 def _wait() -> None:
-    signal.sigwait({signal.SIGINT})
-    if _grace:
-        _thread.interrupt_main()
-        time.sleep(_grace)
+    while signal.sigwait({signal.SIGINT}):
+        _responded.clear()
+        if _grace:
+            signal.pthread_kill(threading.main_thread().ident or 0, INTERRUPT or 0)
+        if not _responded.wait(_grace):
+            break
     with suppress(OSError):  # around `sys.stderr`, which may be in use at that moment
         start = CLEAR_LINE if os.isatty(2) else ""
         os.write(2, f"{start}mlivr-gym: interrupted\n".encode())
