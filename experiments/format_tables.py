@@ -13,29 +13,18 @@ from typing import Any
 
 from reports import table
 
+import mlivr_gym.robot.limb_dynamics as arms
+import mlivr_gym.robot.validators as robots
+import mlivr_gym.schema as schema
+import mlivr_gym.world.boxes as boxes
+import mlivr_gym.world.map_entries as maps
 from mlivr_gym.motion import Trajectory
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.robot.limb import LIMB
-from mlivr_gym.robot.limb_dynamics import ARMS, LIMB_DYNAMICS, Named
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
-from mlivr_gym.robot.validators import OneOrList, PairOf
 from mlivr_gym.robot.visuals import VISUAL
-from mlivr_gym.schema import (
-    Choice,
-    Fields,
-    Flag,
-    Integer,
-    ListOf,
-    Numbers,
-    OrNone,
-    Rotation,
-    Struct,
-    Text,
-)
 from mlivr_gym.simulation import Recording
-from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES, Boxes
-from mlivr_gym.world.map_entries import MODULE, PART, REMARKS, AnyMap
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 
 LIMBS, STANCES = 13, 17
@@ -87,43 +76,43 @@ MEANINGS = {
     "motion": "Stances, steps and configurations, see below.",
     "statistics": "Results and effort of the search, see below.",
     "checksum": "SHA-256 of the other fields (`files.checksum`); optional.",
-} | dict.fromkeys(REMARKS, "Remark for readers; not used by the program.")
+} | dict.fromkeys(maps.REMARKS, "Remark for readers; not used by the program.")
 """Meanings of the fields that no class documents."""
 
 
 def in_words(kind: Any) -> str:
     """Return in words what a value must be, by the validator that reads it."""
     match kind:
-        case OrNone():
+        case schema.OrNone():
             return f"{in_words(kind.kind)}, or null"
-        case OneOrList():
+        case robots.OneOrList():
             return f"{in_words(kind.one)}, or {in_words(kind.listed)}"
-        case Named():
-            return f"{in_words(kind.kind)}, or {_one_of(ARMS)}"
-        case AnyMap():
+        case arms.Named():
+            return f"{in_words(kind.kind)}, or {_one_of(arms.ARMS)}"
+        case maps.AnyMap():
             return "text, or object"
-        case Text():
+        case schema.Text():
             return "text"
-        case Flag():
+        case schema.Flag():
             return "true or false"
-        case Choice():
+        case schema.Choice():
             return _one_of(kind.options)
-        case PairOf():
+        case robots.PairOf():
             return _one_of([" ".join(pair) for pair in kind.pairs])
-        case Rotation():
+        case schema.Rotation():
             return "rotation matrix, by rows"
-        case Integer():
+        case schema.Integer():
             return f"whole number{_range(kind.least, kind.most)}"
-        case Numbers():
+        case schema.Numbers():
             return _numbers(kind)
-        case Boxes():
+        case boxes.Boxes():
             return "list of objects"
-        case ListOf():
+        case schema.ListOf():
             count = f"{_size(kind.most)} " if kind.least == kind.most else ""
             return f"list of {count}" + re.sub("^(text|object)", "\\1s", in_words(kind.kind))
-        case Struct():
+        case schema.Struct():
             return in_words(kind.fields)
-        case Fields():
+        case schema.Fields():
             names = ", ".join(f"`{name}`" for name in kind.required)
             return f"object with {names}" if 0 < len(kind.required) < 3 else "object"
     return "anything"
@@ -137,7 +126,7 @@ def _size(count: int) -> str:
     return SYMBOLS.get(count, str(count))
 
 
-def _numbers(kind: Numbers) -> str:
+def _numbers(kind: schema.Numbers) -> str:
     """Return shape, unit and range of numbers in words."""
     least, most = kind.rows
     rows = _size(most) if least == most else "k"
@@ -170,7 +159,7 @@ def attributes(made: type) -> dict[str, str]:
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     """Yield a table row for each field of an object."""
-    parts = kind.fields if isinstance(kind, Struct) else kind
+    parts = kind.fields if isinstance(kind, schema.Struct) else kind
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
             meaning = meanings[name].replace("|", "\\|")
@@ -179,7 +168,7 @@ def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:
     """Return the table of an object's fields, below its title."""
-    made = kind.made if made is None and isinstance(kind, Struct) else made
+    made = kind.made if made is None and isinstance(kind, schema.Struct) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
     return head + table("field | needed | value | meaning", rows(kind, meanings))
@@ -187,27 +176,27 @@ def fields(kind: Any, made: type | None = None, title: str = "") -> str:
 
 def tables() -> dict[str, str]:
     """Return the tables by the names of their marks."""
-    point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
+    point = maps.MODULE.optional["points"].kind  # type: ignore[attr-defined]
     robot, capsules = ROBOT, ROBOT.validators["capsules"].kind.kind  # type: ignore[attr-defined]
     query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
     step, motion = step_fields(LIMBS), motion_fields(STANCES, LIMBS)
     return {
         "fields_map": "\n".join(
             (
-                fields(MODULE),
+                fields(maps.MODULE),
                 fields(point, title="A point:"),
                 fields(SEGMENT, title="A segment:"),
                 fields(HANDRAIL, title="A handrail:"),
-                fields(PART, title="A part:"),
+                fields(maps.PART, title="A part:"),
             )
         ),
-        "fields_obstacles": fields(OBSTACLES),
-        "fields_box": fields(BOX_DATA),
+        "fields_obstacles": fields(boxes.OBSTACLES),
+        "fields_box": fields(boxes.BOX_DATA),
         "fields_robot": "\n".join(
             (
                 fields(robot),
                 fields(LIMB, title="A limb:"),
-                fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
+                fields(arms.LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),
                 fields(VISUAL, title="A visual mesh:"),

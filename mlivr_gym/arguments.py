@@ -228,8 +228,8 @@ class InstanceOf:
 
 def _methods(kind: type) -> list[str]:
     """Return the names of the methods of an interface, none of a class."""
-    own = vars(kind) if getattr(kind, "_is_protocol", False) else ()
-    return [name for name in own if not name.startswith("_") or name == "__call__"]
+    names = vars(kind) if getattr(kind, "_is_protocol", False) else ()
+    return [name for name in names if not name.startswith("_") or name == "__call__"]
 
 
 class Function:
