@@ -19,7 +19,6 @@ from mlivr_gym.schema import (
     Fields,
     ListOf,
     Numbers,
-    OrNone,
     Rotation,
     Tuples,
     are_rotations,
@@ -55,11 +54,6 @@ SPACING = Tuples((), MIN_SIZE, MAX_LENGTH, "m")
 
 CLEARANCE = Tuples((), 0.0, MAX_LENGTH, "m")
 """Distance of points from handrails."""
-
-OVERRIDES = {
-    "spacing": OrNone(SPACING), "clearance": OrNone(CLEARANCE), "unit": OrNone(UNIT_OF_LENGTH),
-}  # fmt: skip
-"""What a caller may give in place of fields of a file."""
 
 POINT = Fields(
     {"id": NAME, "face": NAME, "position": POSITION, "normal": DIRECTION, "rail": DIRECTION}
@@ -224,13 +218,6 @@ def clear_of_handrails(
     return [row for row, kept in zip(rows, free, strict=True) if kept]
 
 
-def refuse_overrides(given: Mapping[str, Any], reason: str, *names: str) -> None:
-    """Refuse what a caller gives, of some fields, that a file takes no notice of for a reason."""
-    for name in names:
-        if name in given:
-            raise MapError(f"{name} is {given[name]!r}, but {reason}; leave it out")
-
-
 def _check_unit(points: Sequence[dict[str, Any]], segments: Sequence[Segment]) -> None:
     """Refuse points and rails that are far away, of a map that names no unit."""
     ends = [end for segment in segments for end in (segment.start, segment.end)]
@@ -251,18 +238,20 @@ def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
     return mesh_boxes(folder / mesh["file"], **options)
 
 
-def map_fields(data: Any, given: dict[str, Any], name: str, folder: Path) -> dict[str, Any]:
+def map_fields(data: Any, unit: str | None, name: str, folder: Path) -> dict[str, Any]:
     """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`.
 
-    With parts, they are `joining.joined_fields`' own fields, of which `cabin` may be missing.
+    The unit of lengths is the one given, if the data name none. With parts, they are
+    `joining.joined_fields`' own fields, of which `cabin` may be missing.
     """
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
-        reason = "the map was saved in metres, with the points laid out"
-        refuse_overrides(given, reason, *given)
+        if unit is not None:
+            raise MapError(f"unit is {unit!r}, but the map was saved in metres; leave it out")
         return POINTS.read(data, root)
-    place = root._replace(metres=metres_of(data, given.get("unit")))
-    return _fields_of(MODULE.read(data, place) | given, root, name, folder)
+    place = root._replace(metres=metres_of(data, unit))
+    read = MODULE.read(data, place) | ({} if unit is None else {"unit": unit})
+    return _fields_of(read, root, name, folder)
 
 
 def metres_of(data: Any, given: str | None) -> float:
