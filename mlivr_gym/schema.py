@@ -196,11 +196,12 @@ class Numbers:
                 place = place.entry(int(index))
             if not np.isfinite(found[first]):
                 raise place.refused(array.item(first), "a finite number")
-            number = float(found[first])
-            note = f", where the data have {array.item(first):g}" if place.metres != 1.0 else ""
-            if self.unit == "m" and abs(number) > self.most:
-                raise place.fault(f"is {number:g}, larger than {self.most:g} m{note}; {self.hint}")
-            raise place.refused(number, f"{self._range()}{note}")
+            is_metres = self.unit != "m" or place.metres == 1.0
+            note = "" if is_metres else f"; in its unit it is {array.item(first):g}"
+            if self.unit == "m" and abs(found[first]) > self.most:
+                told = note or f"; {self.hint}"
+                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m{told}")
+            raise place.refused(float(found[first]), f"{self._range()}{note}")
         return found
 
     def _range(self) -> str:
