@@ -27,8 +27,8 @@ INTERRUPT = getattr(signal, "SIGUSR1", None)
 _responded = threading.Event()
 """Set when the main thread was interrupted."""
 
-_is_watched, _grace = False, 0.0
-"""Whether a thread waits for Ctrl-C, and the time that the main one has to respond to it [s]."""
+_grace = 0.0
+"""Time that the main thread has to respond to Ctrl-C [s]."""
 
 
 def set_grace(seconds: float) -> None:
@@ -44,17 +44,9 @@ def watch() -> None:
     """
     handler = signal.getsignal(signal.SIGINT)
     if INTERRUPT is not None and handler is signal.default_int_handler:
-        global _is_watched
-        _is_watched = True
         signal.signal(INTERRUPT, _interrupt)
-        block()
-        threading.Thread(target=_wait, daemon=True).start()
-
-
-def block() -> None:
-    """Block Ctrl-C in this thread, and in what it starts, if another thread waits for it."""
-    if _is_watched:
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        threading.Thread(target=_wait, daemon=True).start()
 
 
 def _interrupt(signum: int, frame: FrameType | None) -> None:

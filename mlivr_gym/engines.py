@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
-from multiprocessing import active_children, get_context, resource_tracker
+from multiprocessing import active_children, resource_tracker
+from multiprocessing.context import SpawnContext, SpawnProcess
 from typing import Any
 
-from mlivr_gym._interrupts import block
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extras import require
 
@@ -19,6 +20,39 @@ ENGINES = ("local", "dask")
 
 RETRIES = 3
 """How often Dask computes a block again whose worker has ended."""
+
+
+@contextmanager
+def _not_interrupted() -> Iterator[None]:
+    """Start processes to which Ctrl-C is not passed on, since each would print where it was.
+
+    They inherit the blocked signal; one that comes meanwhile waits.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    resource_tracker.ensure_running()  # which unblocks the signal when it starts
+    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _Worker(SpawnProcess):
+    """A process of a pool."""
+
+    def start(self) -> None:
+        """Start it."""
+        with _not_interrupted():
+            super().start()
+
+
+class _Workers(SpawnContext):
+    """How the processes of a pool are started."""
+
+    Process = _Worker
 
 
 @contextmanager
@@ -39,15 +73,12 @@ def executor_of(
         return
     count = workers or os.cpu_count() or 1
     if engine == "local":
-        resource_tracker.ensure_running()  # which unblocks Ctrl-C in some versions of Python
-        block()
-        others = active_children()
-        with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(count, mp_context=_Workers()) as pool:
             try:
                 yield pool
             except BaseException:
                 for process in active_children():
-                    if process not in others:  # it would finish its block
+                    if isinstance(process, _Worker):  # it would finish its block
                         process.terminate()
                 raise
             finally:
@@ -59,7 +90,8 @@ def executor_of(
     with ExitStack() as stack:
         if scheduler is None:
             quiet = {"dashboard_address": "127.0.0.1:0", "silence_logs": logging.CRITICAL}
-            cluster: Any = LocalCluster(n_workers=count, threads_per_worker=1, **quiet)
+            with _not_interrupted():
+                cluster: Any = LocalCluster(n_workers=count, threads_per_worker=1, **quiet)
             stack.enter_context(cluster)
         try:
             client = stack.enter_context(Client(scheduler or cluster))
