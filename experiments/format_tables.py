@@ -8,24 +8,23 @@ import inspect
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
+from math import inf
 from typing import Any
 
 from reports import table
 
-import mlivr_gym.robot.json_schema  # registers its kinds, as does the next
-import mlivr_gym.world.json_schema  # noqa: F401
-from mlivr_gym.json_schema import json_schema_of
+import mlivr_gym.robot.limb_dynamics as arms
+import mlivr_gym.robot.validators as robots
+import mlivr_gym.schema as schema
+import mlivr_gym.world.boxes as boxes
+import mlivr_gym.world.map_entries as maps
 from mlivr_gym.motion import Trajectory
 from mlivr_gym.motion.plan_files import FORMAT, PLAN_FILE, STATISTICS, motion_fields, step_fields
 from mlivr_gym.robot.limb import LIMB
-from mlivr_gym.robot.limb_dynamics import LIMB_DYNAMICS
 from mlivr_gym.robot.mounts import MOUNT
 from mlivr_gym.robot.specification import ROBOT
 from mlivr_gym.robot.visuals import VISUAL
-from mlivr_gym.schema import Struct
 from mlivr_gym.simulation import Recording
-from mlivr_gym.world.boxes import BOX_DATA, OBSTACLES
-from mlivr_gym.world.map_entries import MODULE, PART, REMARKS
 from mlivr_gym.world.rails import HANDRAIL, SEGMENT
 
 LIMBS, STANCES = 13, 17
@@ -77,59 +76,72 @@ MEANINGS = {
     "motion": "Stances, steps and configurations, see below.",
     "statistics": "Results and effort of the search, see below.",
     "checksum": "SHA-256 of the other fields (`files.checksum`); optional.",
-} | dict.fromkeys(REMARKS, "Remark for readers; not used by the program.")
+} | dict.fromkeys(maps.REMARKS, "Remark for readers; not used by the program.")
 """Meanings of the fields that no class documents."""
 
 
-def in_words(schema: dict[str, Any]) -> str:
-    """Return in words what a value must be, by its JSON schema."""
-    match schema:
-        case {"anyOf": kinds}:
-            return ", or ".join(dict.fromkeys(map(in_words, kinds)))
-        case {"enum": options}:
-            names = (option if isinstance(option, str) else " ".join(option) for option in options)
-            return "one of " + ", ".join(f"`{name}`" for name in names)
-        case {"type": "array"}:
-            return _listed(schema)
-        case {"type": "integer" | "number"}:
-            return _numbers(schema, ())
-        case {"type": "object"}:
-            needed = schema["required"]
-            with_ = " with " + ", ".join(f"`{name}`" for name in needed) if needed else ""
-            return f"object{with_ if len(needed) < 3 else ''}"
-        case {"$ref": _}:
-            return "object"
-        case {"type": kind}:
-            return {"string": "text", "boolean": "true or false"}.get(kind, kind)
+def in_words(kind: Any) -> str:
+    """Return in words what a value must be, by the validator that reads it."""
+    match kind:
+        case schema.OrNone():
+            return f"{in_words(kind.kind)}, or null"
+        case robots.OneOrList():
+            return f"{in_words(kind.one)}, or {in_words(kind.listed)}"
+        case arms.Named():
+            return f"{in_words(kind.kind)}, or {_one_of(arms.ARMS)}"
+        case maps.AnyMap():
+            return "text, or object"
+        case schema.Text():
+            return "text"
+        case schema.Flag():
+            return "true or false"
+        case schema.Choice():
+            return _one_of(kind.options)
+        case robots.PairOf():
+            return _one_of([" ".join(pair) for pair in kind.pairs])
+        case schema.Rotation():
+            return "rotation matrix, by rows"
+        case schema.Integer():
+            return f"whole number{_range(kind.least, kind.most)}"
+        case schema.Numbers():
+            return _numbers(kind)
+        case boxes.Boxes():
+            return "list of objects"
+        case schema.ListOf():
+            count = f"{_size(kind.most)} " if kind.least == kind.most else ""
+            return f"list of {count}" + re.sub("^(text|object)", "\\1s", in_words(kind.kind))
+        case schema.Struct():
+            return in_words(kind.fields)
+        case schema.Fields():
+            names = ", ".join(f"`{name}`" for name in kind.required)
+            return f"object with {names}" if 0 < len(kind.required) < 3 else "object"
     return "anything"
 
 
-def _listed(schema: dict[str, Any]) -> str:
-    """Return shape, or length and kind of entries, of a list in words."""
-    shape, entry = [], schema
-    while entry.get("type") == "array":
-        most = entry["maxItems"]
-        shape.append(SYMBOLS.get(most, str(most) if most == entry["minItems"] else "k"))
-        entry = entry["items"]
-    if schema.get("description", "").startswith("rotation"):
-        return str(schema["description"])
-    if entry.get("type") == "number":
-        return _numbers(schema | entry, shape)
-    count, what = f"{shape[0]} " if shape[0] != "k" else "", in_words(schema["items"])
-    return f"list of {count}" + re.sub("^(text|object)", "\\1s", what)
+def _one_of(names: Sequence[str]) -> str:
+    return "one of " + ", ".join(f"`{name}`" for name in names)
 
 
-def _numbers(schema: dict[str, Any], shape: Sequence[str]) -> str:
+def _size(count: int) -> str:
+    return SYMBOLS.get(count, str(count))
+
+
+def _numbers(kind: schema.Numbers) -> str:
     """Return shape, unit and range of numbers in words."""
-    kind = "number" if schema["type"] == "number" else "whole number"
-    if shape:
-        kind = f"numbers, shape ({', '.join(shape)}{',' if len(shape) == 1 else ''})"
-    unit, least, most = (schema.get(name) for name in ("description", "minimum", "maximum"))
-    what = f"{kind} {unit}" if unit else kind
-    if most is None or most >= 1 << 31:
-        return what if least is None else f"{what}, at least {least:g}"
-    top = f"{SYMBOLS[most + 1]} - 1" if most + 1 in SYMBOLS else f"{most:g}"
-    return f"{what}, at most {top}" if least is None else f"{what}, {least:g} to {top}"
+    least, most = kind.rows
+    rows = _size(most) if least == most else "k"
+    sizes = [rows if size is None else _size(size) for size in kind.shape]
+    what = f"numbers, shape ({', '.join(sizes)}{',' * (len(sizes) == 1)})" if sizes else "number"
+    unit = f" [{kind.unit}]" if kind.unit else ""
+    bound = -kind.most if kind.unit == "m" and kind.least == -inf else kind.least
+    return f"{what}{unit}{_range(bound, kind.most)}"
+
+
+def _range(least: float, most: float) -> str:
+    if most >= 1 << 31:
+        return "" if least == -inf else f", at least {least:g}"
+    top = f"{SYMBOLS[most + 1]} - 1" if most + 1 in SYMBOLS else f"{most:g}"  # type: ignore[index]
+    return f", at most {top}" if least == -inf else f", {least:g} to {top}"
 
 
 def attributes(made: type) -> dict[str, str]:
@@ -147,16 +159,16 @@ def attributes(made: type) -> dict[str, str]:
 
 def rows(kind: Any, meanings: Mapping[str, str]) -> Iterator[tuple[str, ...]]:
     """Yield a table row for each field of an object."""
-    parts = kind.fields if isinstance(kind, Struct) else kind
+    parts = kind.fields if isinstance(kind, schema.Struct) else kind
     for part, needed in ((parts.required, "yes"), (parts.optional, "")):
         for name, inner in part.items():
             meaning = meanings[name].replace("|", "\\|")
-            yield f"`{name}`", needed, in_words(json_schema_of(inner)), meaning
+            yield f"`{name}`", needed, in_words(inner), meaning
 
 
 def fields(kind: Any, made: type | None = None, title: str = "") -> str:
     """Return the table of an object's fields, below its title."""
-    made = kind.made if made is None and isinstance(kind, Struct) else made
+    made = kind.made if made is None and isinstance(kind, schema.Struct) else made
     meanings = MEANINGS | (attributes(made) if made is not None else {})
     head = f"{title}\n\n" if title else ""
     return head + table("field | needed | value | meaning", rows(kind, meanings))
@@ -164,27 +176,27 @@ def fields(kind: Any, made: type | None = None, title: str = "") -> str:
 
 def tables() -> dict[str, str]:
     """Return the tables by the names of their marks."""
-    point = MODULE.optional["points"].kind  # type: ignore[attr-defined]
+    point = maps.MODULE.optional["points"].kind  # type: ignore[attr-defined]
     robot, capsules = ROBOT, ROBOT.validators["capsules"].kind.kind  # type: ignore[attr-defined]
     query, world = PLAN_FILE.required["query"], PLAN_FILE.required["world"]
     step, motion = step_fields(LIMBS), motion_fields(STANCES, LIMBS)
     return {
         "fields_map": "\n".join(
             (
-                fields(MODULE),
+                fields(maps.MODULE),
                 fields(point, title="A point:"),
                 fields(SEGMENT, title="A segment:"),
                 fields(HANDRAIL, title="A handrail:"),
-                fields(PART, title="A part:"),
+                fields(maps.PART, title="A part:"),
             )
         ),
-        "fields_obstacles": fields(OBSTACLES),
-        "fields_box": fields(BOX_DATA),
+        "fields_obstacles": fields(boxes.OBSTACLES),
+        "fields_box": fields(boxes.BOX_DATA),
         "fields_robot": "\n".join(
             (
                 fields(robot),
                 fields(LIMB, title="A limb:"),
-                fields(LIMB_DYNAMICS, title="The dynamics of a limb:"),
+                fields(arms.LIMB_DYNAMICS, title="The dynamics of a limb:"),
                 fields(capsules, title="A capsule:"),
                 fields(MOUNT, title="A mount:"),
                 fields(VISUAL, title="A visual mesh:"),

@@ -9,7 +9,7 @@ Importing the package registers its Gymnasium environments: `MLIVR-JEM-v0`, `MLI
 import mlivr_gym._interrupts  # before what takes time
 
 # isort: split
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from gymnasium.envs.registration import register
 
@@ -50,67 +50,32 @@ __all__ = [
 
 __getattr__, __dir__ = lazy(__name__)
 
-register(
-    id="MLIVR-JEM-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
-    max_episode_steps=100,
-)
-register(
-    id="MLIVR-JEM-Far-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
-    max_episode_steps=100,
-    kwargs={"tasks": "far"},
-)
-register(
-    id="MLIVR-JEM-Cargo-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
-    max_episode_steps=100,
-    kwargs={"tasks": "far", "cargo": {"mass": 30.0, "size": [0.4, 0.4, 0.3]}},
-)
-register(
-    id="MLIVR-Random-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    max_episode_steps=100,
-    kwargs={"tasks": "random"},
-)
-for _limbs in (3, 4):
-    register(
-        id=f"MLIVR{_limbs}-JEM-v0",
-        entry_point="mlivr_gym.envs.env:MlivrEnv",
-        max_episode_steps=100,
-        kwargs={"robot": f"mlivr{_limbs}"},
-    )
-register(
-    id="MLIVR4-JEM-Anywhere-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    max_episode_steps=100,
-    kwargs={"robot": "mlivr4", "tasks": "anywhere"},
-)
-for _name in ("USLab", "Columbus", "Hatch", "Station"):
-    register(
-        id=f"MLIVR-{_name}-v0",
-        entry_point="mlivr_gym.envs.env:MlivrEnv",
-        vector_entry_point="mlivr_gym.envs.vectors:vector_env",
-        max_episode_steps=100,
-        kwargs={"map": _name.lower()},
-    )
-register(
-    id="MLIVR-Truss-v0",
-    entry_point="mlivr_gym.envs.env:MlivrEnv",
-    vector_entry_point="mlivr_gym.envs.vectors:vector_env",
-    max_episode_steps=100,
-    kwargs={
-        "map": "truss",
-        "robot": "ssrms2",
-        "clearance": 0.1,
-        "goal_tolerance": 2.0,
-        "limits": "station",
-        "controller": "station",
-        "physics": "station",
+_ARGUMENTS: dict[str, dict[str, Any]] = {
+    "MLIVR-JEM-v0": {},
+    "MLIVR-JEM-Far-v0": {"tasks": "far"},
+    "MLIVR-JEM-Cargo-v0": {"tasks": "far", "cargo": {"mass": 30.0, "size": [0.4, 0.4, 0.3]}},
+    "MLIVR-Random-v0": {"tasks": "random"},
+    "MLIVR3-JEM-v0": {"robot": "mlivr3"},
+    "MLIVR4-JEM-v0": {"robot": "mlivr4"},
+    "MLIVR4-JEM-Anywhere-v0": {"robot": "mlivr4", "tasks": "anywhere"},
+    **{f"MLIVR-{_name}-v0": {"map": _name.lower()}
+       for _name in ("USLab", "Columbus", "Hatch", "Station")},
+    "MLIVR-Truss-v0": {
+        "map": "truss", "robot": "ssrms2", "clearance": 0.1, "goal_tolerance": 2.0,
+        **dict.fromkeys(("limits", "controller", "physics"), "station"),
     },
-)
+}  # fmt: skip
+"""Arguments of `MlivrEnv` by the name of an environment."""
+
+for _id, _given in _ARGUMENTS.items():
+    # What draws a map for each episode, or has more than two limbs, has no vector environment.
+    _has_vector = not _given.get("robot", "").startswith("mlivr") and "Random" not in _id
+    register(
+        id=_id,
+        entry_point="mlivr_gym.envs.env:MlivrEnv",
+        vector_entry_point="mlivr_gym.envs.vectors:vector_env" if _has_vector else None,
+        max_episode_steps=100,
+        kwargs=_given,
+    )
 for _name, _arguments in environments().items():
     register(id=_name, **_arguments)

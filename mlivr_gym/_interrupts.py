@@ -1,7 +1,9 @@
-"""The end of the command by Ctrl-C while it starts; `cli.exits` handles it later.
+"""The end of the command by Ctrl-C, whatever it is doing.
 
-The imports of the command take a second, in which Python would print the lines of all imports
-under way. So this module is the first that the package imports, and imports next to nothing.
+Python handles signals between its own instructions only, while a compiled search may run for a
+minute, and in the second that its imports take it would print the lines of all that are under way.
+So a command blocks the signal, for its threads and for the processes that it starts, and a thread
+waits for it. This module is the first that the package imports, and imports next to nothing.
 """
 
 from __future__ import annotations
@@ -9,27 +11,59 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from contextlib import suppress
 from types import FrameType
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
 
-MESSAGE = "mlivr-gym: interrupted"
-"""What such a command prints if it has no more to say."""
-
 CLEAR_LINE = "\r\033[K"
 """What removes a progress line from a terminal."""
 
+INTERRUPT = getattr(signal, "SIGUSR1", None)
+"""Signal by which the thread that waits for Ctrl-C interrupts the main one."""
 
-def end_at_once(signum: int = signal.SIGINT, frame: FrameType | None = None) -> None:
-    """End the process with one line, the handler of Ctrl-C of a command that starts or has ended.
+_responded = threading.Event()
+"""Set when the main thread was interrupted."""
 
-    It writes around `sys.stderr`, which may be in use at that moment.
+_grace = 0.0
+"""Time that the main thread has to respond to Ctrl-C [s]."""
+
+
+def set_grace(seconds: float) -> None:
+    """Give the main thread time to respond with a `KeyboardInterrupt` [s]; 0 ends it at once."""
+    global _grace
+    _grace = seconds
+
+
+def watch() -> None:
+    """Let Ctrl-C interrupt the main thread, and end the process if that does not respond in time.
+
+    Nothing changes on Windows, or if the signal is handled or ignored by other code.
     """
-    with suppress(OSError):
+    handler = signal.getsignal(signal.SIGINT)
+    if INTERRUPT is not None and handler is signal.default_int_handler:
+        signal.signal(INTERRUPT, _interrupt)
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        threading.Thread(target=_wait, daemon=True).start()
+
+
+def _interrupt(signum: int, frame: FrameType | None) -> None:
+    _responded.set()
+    raise KeyboardInterrupt
+
+
+def _wait() -> None:
+    while signal.sigwait({signal.SIGINT}):
+        _responded.clear()
+        if _grace:
+            signal.pthread_kill(threading.main_thread().ident or 0, INTERRUPT or 0)
+        if not _responded.wait(_grace):
+            break
+    with suppress(OSError):  # around `sys.stderr`, which may be in use at that moment
         start = CLEAR_LINE if os.isatty(2) else ""
-        os.write(2, f"{start}{MESSAGE}\n".encode())
+        os.write(2, f"{start}mlivr-gym: interrupted\n".encode())
     os._exit(INTERRUPTED)
 
 
@@ -52,6 +86,5 @@ def is_command() -> bool:
     )  # fmt: skip
 
 
-if is_command() and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-    with suppress(ValueError):  # not the main thread
-        signal.signal(signal.SIGINT, end_at_once)
+if is_command():
+    watch()

@@ -159,34 +159,13 @@ def validator_of(annotation: Any) -> Validator[Any]:
         return Function()
     if is_typeddict(annotation):
         return InstanceOf(dict)
-    return Offers(annotation) if is_protocol(annotation) else InstanceOf(origin or annotation)
+    return InstanceOf(origin or annotation)
 
 
 def _resolved(annotation: Any) -> Any:
     """Return the type that an alias stands for; `NDArray` is one from NumPy 2.5 on."""
     meant, parts = getattr(annotation, "__value__", None), get_args(annotation)
     return annotation if meant is None else meant[parts] if parts else meant
-
-
-def is_protocol(kind: Any) -> bool:
-    """Return whether a type is an interface that a class need not name."""
-    return bool(getattr(kind, "_is_protocol", False))
-
-
-@dataclass(frozen=True)
-class Offers:
-    """Validator of an object that has the methods of an interface; a class is refused."""
-
-    interface: type
-    """A protocol."""
-
-    def read(self, value: object, place: FieldPath) -> Any:
-        """Return the object itself."""
-        names = [name for name in vars(self.interface) if not name.startswith("_")]
-        names += ["__call__"] * ("__call__" in vars(self.interface))
-        if isinstance(value, type) or not all(hasattr(value, name) for name in names):
-            raise place.refused(value, f"a {self.interface.__name__}, with {', '.join(names)}")
-        return value
 
 
 @dataclass(frozen=True)
@@ -227,7 +206,10 @@ class TupleOf:
 
 
 class InstanceOf:
-    """Validator of an object that is an instance of one of some classes."""
+    """Validator of an object that is an instance of one of some classes.
+
+    In place of a class there may be an interface, whose methods the object must have.
+    """
 
     def __init__(self, *classes: type) -> None:
         """Accept instances of these classes."""
@@ -235,10 +217,19 @@ class InstanceOf:
 
     def read(self, value: object, place: FieldPath) -> Any:
         """Return the object itself."""
-        if not isinstance(value, self.classes):
-            names = " or ".join(f"a {one.__name__}" for one in self.classes)
-            raise place.refused(value, names)
-        return value
+        for kind in self.classes:
+            names = _methods(kind)
+            is_one = all(hasattr(value, name) for name in names) and not isinstance(value, type)
+            if is_one if names else isinstance(value, kind):
+                return value
+        told = (" with ".join([f"a {one.__name__}", *_methods(one)]) for one in self.classes)
+        raise place.refused(value, " or ".join(told))
+
+
+def _methods(kind: type) -> list[str]:
+    """Return the names of the methods of an interface, none of a class."""
+    names = vars(kind) if getattr(kind, "_is_protocol", False) else ()
+    return [name for name in names if not name.startswith("_") or name == "__call__"]
 
 
 class Function:

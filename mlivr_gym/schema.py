@@ -4,14 +4,6 @@ Everything that is read from a file or given as plain data goes through a schema
 boxes, plans, settings and hyperparameters. A schema is a `Validator`; those of objects and lists
 are composed of others. `read` either returns the converted data or raises one error, which names
 the place (`points[3].normal[0]`), the value found there and what would be valid.
-
-Examples
---------
->>> from mlivr_gym.errors import MapError
->>> rail = Fields({"id": NAME, "ends": Numbers((2, 3), most=1000.0, unit="m")})
->>> rail.read({"id": "R", "ends": [[0, 0, 0], "x"]}, FieldPath("", MapError))
-Traceback (most recent call last):
-mlivr_gym.errors.MapError: ends is [[0, 0, 0], 'x']; it must be finite numbers of shape (2, 3)
 """
 
 from __future__ import annotations
@@ -51,14 +43,17 @@ class FieldPath(NamedTuple):
 
     path: str
     error: type[MlivrError]
+    metres: float = 1.0
+    """Unit of the lengths in the data [m], by which they are multiplied as they are read."""
 
     def field(self, name: str) -> FieldPath:
         """Return the path of a field of the object at this place."""
-        return FieldPath(f"{self.path}.{name}" if self.path else name, self.error)
+        is_start = not self.path or self.path.endswith(" ")
+        return self._replace(path=f"{self.path}{'' if is_start else '.'}{name}")
 
     def entry(self, number: int) -> FieldPath:
         """Return the path of an entry of the list at this place."""
-        return FieldPath(f"{self.path}[{number}]", self.error)
+        return self._replace(path=f"{self.path}[{number}]")
 
     def fault(self, message: str) -> MlivrError:
         """Return an error whose message is this place followed by `message`."""
@@ -190,6 +185,8 @@ class Numbers:
             shape_found = "is " if there in ((), shape) else f"has shape {there}, "
             kind = "a finite number" if shape == () else f"finite numbers of shape {shape}"
             raise place.fault(f"{shape_found}{shortened(value)}; it must be {kind}")
+        if self.unit == "m":
+            found = found * place.metres
         wrong = ~np.isfinite(found) | (found < self.least) | (found > self.most)
         if self.unit == "m":
             wrong |= np.abs(found) > self.most
@@ -199,9 +196,12 @@ class Numbers:
                 place = place.entry(int(index))
             if not np.isfinite(found[first]):
                 raise place.refused(array.item(first), "a finite number")
+            is_metres = self.unit != "m" or place.metres == 1.0
+            note = "" if is_metres else f"; in its unit it is {array.item(first):g}"
             if self.unit == "m" and abs(found[first]) > self.most:
-                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m; {self.hint}")
-            raise place.refused(float(found[first]), self._range())
+                told = note or f"; {self.hint}"
+                raise place.fault(f"is {found[first]:g}, larger than {self.most:g} m{told}")
+            raise place.refused(float(found[first]), f"{self._range()}{note}")
         return found
 
     def _range(self) -> str:

@@ -18,7 +18,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 from mlivr_gym import __version__
-from mlivr_gym.cli.installed import TESTED
+from mlivr_gym.cli.doctor import TESTED
 
 ROOT = Path(__file__).parent.parent
 

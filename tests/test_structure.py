@@ -26,7 +26,7 @@ LAYERS = (
     {"robot"},
     {"world"},
     {"kinematics", "settings", "files"},
-    {"arguments", "json_schema"},
+    {"arguments"},
     {"schema", "engines"},
     {"values", "extras"},
     {"compiled", "errors", "sharing"},

@@ -8,7 +8,7 @@ from pathlib import Path
 from mlivr_gym.cli.arguments import chosen_graph, option, world_options
 from mlivr_gym.cli.exits import FAILED, SUCCESS
 from mlivr_gym.cli.outputs import check_outputs, input_files
-from mlivr_gym.cli.progress import PER_CENT, Progress
+from mlivr_gym.cli.progress import Progress
 from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder
 from mlivr_gym.errors import SettingError
 from mlivr_gym.stances.table_build import build_table, find_table, write_built
@@ -40,8 +40,8 @@ def run(args: argparse.Namespace) -> int:
         was_built = find_table(graph) is not None
     if not was_built and folder is not None and args.out is None:
         check_outputs(folder / f".{name}", folder=folder)
-    with Progress("computing the table [%]", PER_CENT, quiet=args.quiet) as progress:
-        path = build_table(graph, progress.show_share)
+    with Progress("computing the table [%]", 100, args.quiet) as progress:
+        path = build_table(graph, lambda share: progress.show(int(100 * share)))
     if args.out:
         write_built(graph, args.out)
         print(f"table: {args.out} (name it {name} in a cache folder)")

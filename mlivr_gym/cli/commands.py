@@ -54,12 +54,6 @@ COMMANDS = {
         "mlivr-gym build --robot my_robot.json",
         "mlivr-gym build --robot mlivr4 --no-collisions --map few_points.json",
     ),
-    "cache": (
-        "list or remove the tables and machine code stored between runs",
-        "mlivr-gym cache",
-        "mlivr-gym cache --limit 2GB",
-        "mlivr-gym cache --clear",
-    ),
     "doctor": (
         "check this installation: versions, extras, rendering, compiled code",
         "mlivr-gym doctor",

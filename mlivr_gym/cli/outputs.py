@@ -23,17 +23,6 @@ MAX_NAMED = 3
 INPUTS = ("map", "robot", "obstacles", "plan", "hyperparameters")
 """Options of commands that may name a file to be read; `init` names a checkpoint without suffix."""
 
-UNITS = ("B", "kB", "MB", "GB", "TB")
-"""Units of file sizes, each a thousand times the one before it."""
-
-
-def file_size(count: float) -> str:
-    """Format a number of bytes with a unit, such as `"1.5 MB"`."""
-    unit = 0
-    while count >= 999.5 and unit + 1 < len(UNITS):
-        count, unit = count / 1000.0, unit + 1
-    return f"{count:.3g} {UNITS[unit]}"
-
 
 def input_files(args: argparse.Namespace) -> dict[Path, str]:
     """Return the option of each file that a command reads, by the resolved path of the file."""
@@ -68,27 +57,21 @@ def check_outputs(
         if file is None:
             continue
         try:
-            try:
-                resolved = plain_file(file)
-            except NotADirectoryError:  # below, in other words
-                resolved = Path(file)
-            _check(Path(file), resolved, Path(folder) if folder is not None else None)
-            if resolved is None:
+            target = _target(file, None if folder is None else Path(folder))
+            if target is None:
                 continue
-            if resolved.exists():
-                replaced.append(str(file))
-        except (OSError, ValueError) as error:  # a ValueError for a null character in the name
+            if target in inputs:
+                raise ValueError(
+                    f"it is the file of {inputs[target]}, which would be replaced; give the output "
+                    "another name"
+                )
+            if target in seen:
+                raise ValueError("two outputs have this name; give each its own")
+        except (OSError, ValueError) as error:  # also of a null character in the name
             raise FileError(f"cannot write {str(file)!r}: {reason(error)}") from None
-        if resolved in inputs:
-            raise FileError(
-                f"cannot write {str(file)!r}: it is the file of {inputs[resolved]}, which would be "
-                "replaced; give the output another name"
-            )
-        if resolved in seen:
-            raise FileError(
-                f"cannot write {str(file)!r}: two outputs have this name; give each its own"
-            )
-        seen.add(resolved)
+        seen.add(target)
+        if target.exists():
+            replaced.append(str(file))
     if replaced:
         more = len(replaced) - MAX_NAMED
         names = ", ".join(replaced[:MAX_NAMED]) + (f" and {more} more" if more > 0 else "")
@@ -119,15 +102,20 @@ def all_or_none(args: argparse.Namespace, folder: str | Path | None = None) -> I
     print(told.getvalue(), end="", flush=True)
 
 
-def _check(path: Path, target: Path | None, folder: Path | None) -> None:
-    """Raise an `OSError` if a file cannot be written; `folder` may be made later.
+def _target(file: str | Path, folder: Path | None) -> Path | None:
+    """Return the plain file that a path leads to, None for a device or a pipe.
 
-    `target` is what `plain_file` returned for its path.
+    Raises an `OSError` if it cannot be written; `folder` may be made later.
     """
+    path = Path(file)
+    try:
+        target = plain_file(file)
+    except NotADirectoryError:  # told below, in other words
+        target = path
     if target is None:
         if not os.access(path, os.W_OK):
             raise PermissionError("no permission to write")
-        return
+        return None
     if path.is_symlink():
         path = target
     parent = path.parent
@@ -139,3 +127,4 @@ def _check(path: Path, target: Path | None, folder: Path | None) -> None:
         raise NotADirectoryError(f"{str(parent)!r} is not a folder")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise PermissionError(f"no permission to write in folder {str(parent)!r}")
+    return target

@@ -24,9 +24,6 @@ REDRAW_INTERVAL = 0.2
 WIDTH = 24
 """Width of a progress bar in characters."""
 
-PER_CENT = 100
-"""Total of progress that is reported as a share."""
-
 
 class Progress:
     """Display of what a command is doing, for how long, and how much of it is done.
@@ -50,10 +47,6 @@ class Progress:
         self.what, self._total, self._done, self._remark = what, total, 0, ""
         self._began = time.perf_counter()
         self._next = SHOW_AFTER
-
-    def show_share(self, done: float) -> None:
-        """Display the share that is done, from 0 to 1, for a total of `PER_CENT`."""
-        self.show(int(PER_CENT * done))
 
     def show(self, done: int, remark: str = "") -> None:
         """Display how many are done, with a remark."""

@@ -31,7 +31,7 @@ from mlivr_gym.kinematics.grasps import Grasp
 from mlivr_gym.kinematics.poses import Pose, along, columns, cross, dot, into, minus, turn, vector
 from mlivr_gym.postures.records import MapPoints, PostureRule, StanceGeometry
 from mlivr_gym.postures.relabelling import turns_to_mounts
-from mlivr_gym.robot.rolls import geometric_order
+from mlivr_gym.robot.fields import geometric_order
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.world.grasp_map import GraspMap

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Annotated, Any
@@ -25,7 +26,6 @@ from mlivr_gym.robot.limb_dynamics import (
 )
 from mlivr_gym.robot.mounts import MOUNT, Mount, are_even, even_mounts
 from mlivr_gym.robot.rigid import RigidBody, box_inertia, combined
-from mlivr_gym.robot.rolls import geometric_order
 from mlivr_gym.robot.sizes import MOST_LIMBS
 from mlivr_gym.robot.validators import (
     APART,
@@ -53,6 +53,21 @@ PHYSICAL = ("dynamics", "body_centre", "body_inertia", "source", "visuals", "joi
 
 SPARSE = ("visuals", "cargo", "joint_names")
 """Fields of robots, and of their parts, that plain data name only where there are any."""
+
+
+def geometric_order(rolls: Iterable[float]) -> tuple[float, ...]:
+    """Return rolls [rad] sorted by size, the positive one of two opposite rolls first.
+
+    This order is the last rule by which a posture is chosen. A roll is counted about the line to
+    the grasp of one limb, with two limbs of limb 0, so the side of a wall that is preferred changes
+    with the limb that holds either point: no side of the module is favoured.
+    """
+
+    def key(roll: float) -> tuple[float, bool]:
+        turn = float(np.angle(np.exp(1j * roll)))
+        return round(abs(turn), 9), turn < 0.0
+
+    return tuple(sorted(rolls, key=key))
 
 
 @dataclass(frozen=True)

@@ -101,21 +101,17 @@ def _include(tree: ElementTree.Element, folder: Path, before: tuple[str, ...]) -
                 parent.remove(part)
 
 
-def _check(tree: ElementTree.Element, owner: str) -> None:
+def _check(element: ElementTree.Element, owner: str, depth: int = 1) -> None:
     """Refuse what is nested too deeply, and what is no number, of which MuJoCo only warns."""
-    level, depth = [(tree, owner)], 0
-    while level:
-        depth += 1
-        if depth > MOST_NESTED:
-            raise RobotError("the file is nested too deeply")
-        for element, name in level:
-            for attribute, text in element.items():
-                if attribute != "name" and "nan" in text.lower().replace("-", "").split():
-                    raise RobotError(
-                        f"{element.tag} of {element.get('name', name)!r} has {attribute} "
-                        f"{text!r}; numbers must be finite"
-                    )
-        level = [(part, one.get("name", name)) for one, name in level for part in one]
+    if depth > MOST_NESTED:
+        raise RobotError("the file is nested too deeply")
+    name = element.get("name", owner)
+    for attribute, text in element.items():
+        if attribute != "name" and "nan" in text.lower().replace("-", "").split():
+            told = f"{element.tag} of {name!r} has {attribute} {text!r}"
+            raise RobotError(f"{told}; numbers must be finite")
+    for part in element:
+        _check(part, name, depth + 1)
 
 
 def mesh_file(name: str, folder: Path, folders: Sequence[Path]) -> Path | None:

@@ -29,12 +29,6 @@ ARMS = ("ur3e", "ur5e", "ur10e")
 SAME_LENGTH = 1e-3
 """Limbs whose links differ by less are one kind of arm [m]: calibrated figures vary a little."""
 
-OLD_FIELDS = frozenset({"family", "d1", "a2", "a3", "d4", "d5", "d6"})
-"""Fields of limbs in files of earlier versions."""
-
-RENAMED = {"held_joint": "locked_joint", "held_angle": "locked_angle"}
-"""Fields of limbs that had another name in files of earlier versions."""
-
 
 @dataclass(frozen=True)
 class LimbDynamics:
@@ -141,15 +135,6 @@ class Named:
         """Return the record."""
         if isinstance(value, str):
             return self.make(Choice(ARMS).read(value, place))
-        if isinstance(value, dict) and OLD_FIELDS & value.keys():
-            raise place.fault(
-                "is told by a family or lengths, as limbs no longer are; give origins and "
-                "quaternions of the links, which mlivr_gym.robot.frames_of_dh makes of a "
-                "DH table, or read the arm from its URDF or MJCF"
-            )
-        if isinstance(value, dict) and RENAMED.keys() & value.keys():
-            told = " and ".join(f"{old} to {new}" for old, new in RENAMED.items())
-            raise place.fault(f"has a field of an earlier version; rename {told} in the file")
         return self.kind.read(value, place)
 
 

@@ -81,7 +81,7 @@ class RobotSpec(RobotFields):
     """Read a robot from an MJCF file; arguments and errors are those of `from_urdf`."""
 
     def save(self, path: str | Path) -> None:
-        """Write the robot as JSON, to be read by `load`; `robot.schema.json` lists its fields.
+        """Write the robot as JSON, to be read by `load`.
 
         Raises a `FileError` if the file cannot be written.
         """

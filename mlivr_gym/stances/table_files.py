@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
-from mlivr_gym.compiled.cached_files import mark_used
 from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
@@ -128,9 +127,7 @@ class TableFiles(Generic[Table]):
                 if warn:
                     logging.getLogger(__name__).warning("%s; the file is not used", error)
                 continue
-            if path == cached:
-                mark_used(path)
-            elif self.mapped:
+            if path != cached and self.mapped:
                 path = self.cache(graph, table) or path
             return self.remember(graph, path, table)
         return None
@@ -179,7 +176,7 @@ class TableFiles(Generic[Table]):
                 content = self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED)
                 write_whole(path, content)
                 if len(content) > LARGE:
-                    text = "stored %s, %.0f MB; see `mlivr-gym cache`"
+                    text = "stored %s, %.0f MB"
                     logging.getLogger(__name__).warning(text, path, len(content) / 1e6)
             else:
                 self.write(graph, table, path)

@@ -26,21 +26,25 @@ from mlivr_gym.errors import (
     path_shown,
     shortened,
 )
-from mlivr_gym.files import load, write_whole
-from mlivr_gym.schema import FieldPath, OrNone, Tuples
+from mlivr_gym.files import load, read_json, write_whole
+from mlivr_gym.schema import Anything, FieldPath, OrNone, Tuples
 from mlivr_gym.values import EqualByData
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.csv_points import read_points
 from mlivr_gym.world.given_points import GOAL, STANCE, is_point_number
 from mlivr_gym.world.joining import joined_fields, placed_maps
 from mlivr_gym.world.map_entries import (
+    CLEARANCE,
+    SPACING,
+    UNIT_OF_LENGTH,
     map_fields,
-    overrides,
     plain_fields,
-    refuse_overrides,
     whole_fields,
 )
 from mlivr_gym.world.rails import Handrail, Segment
+
+FILE = WithError(MapError, FileName())
+"""The path of a map file."""
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -183,29 +187,22 @@ class GraspMap(EqualByData):
         return plain_fields(vars(self))
 
     @classmethod
-    def load(
-        cls,
-        path: str | Path,
-        spacing: float | None = None,
-        clearance: float | None = None,
-        *,
-        unit: str | None = None,
-    ) -> GraspMap:
+    @checked({"path": FILE, "unit": OrNone(UNIT_OF_LENGTH)})
+    def load(cls, path: str | Path, *, unit: str | None = None) -> GraspMap:
         """Read a map from a JSON file, see `from_dict` for its fields, or from a CSV table.
 
-        Spacing and clearance [m] override those of the file; `unit` is that of the lengths in the
-        file, such as `"mm"` or `"in"`, if it does not name one. Raises a `MapError` if the file
-        cannot be read, an entry is faulty, which is named, or an argument would be of no effect,
-        and a `SettingError` if another argument is faulty.
+        The unit is that of the lengths in the file, such as `"mm"` or `"in"`, if it does not name
+        one. Raises a `MapError` if the file cannot be read, or an entry is faulty, which is named,
+        and a `SettingError` if the unit is unknown.
         """
-        given, file = overrides(spacing, clearance, unit), _file(path)
+        file = Path(path)
         if file.suffix.lower() == ".csv":
-            refuse_overrides(given, "a table has points, not rails", "spacing", "clearance")
-            return cls.from_csv(file, **given)
-        made = partial(cls._made, given=given, name=file.stem, folder=file.parent)
+            return cls.from_csv(file, **({} if unit is None else {"unit": unit}))
+        made = partial(cls._made, unit=unit, name=file.stem, folder=file.parent)
         return load(path, "map", MapError, made)
 
     @classmethod
+    @checked({"path": FILE})
     def from_csv(cls, path: str | Path, **surroundings: Any) -> GraspMap:
         """Read the points of a map from a table with columns id, x, y, z, nx, ny, nz, rx, ry, rz.
 
@@ -215,12 +212,13 @@ class GraspMap(EqualByData):
         is also that of the table. Raises a `MapError` if the file cannot be read or a row is
         faulty, with its line; or if points are given.
         """
-        path = _file(path)
-        points = read_points(path, surroundings)
+        file = Path(path)
+        points = read_points(file, surroundings)
         place = FieldPath(f"map {path_shown(path)}", MapError)
-        return place.build(cls.from_dict, surroundings | {"points": points}, name=path.stem)
+        return place.build(cls.from_dict, surroundings | {"points": points}, name=file.stem)
 
     @classmethod
+    @checked({"path": FILE, "scale": Anything(), "resolution": Anything()})
     def from_mesh(
         cls, path: str | Path, *, scale: float = 1, resolution: float | None = None, **entries: Any
     ) -> GraspMap:
@@ -234,9 +232,9 @@ class GraspMap(EqualByData):
         rails that carry points, and `unit`, the unit of all lengths but those in the mesh. Raises a
         `MapError` if the mesh cannot be read or covered, or an entry is faulty.
         """
-        file, finer = _file(path), {} if resolution is None else {"resolution": resolution}
-        mesh = {"file": str(file), "scale": scale} | finer
-        return cls.from_dict(entries | {"mesh": mesh}, name=file.stem)
+        finer = {} if resolution is None else {"resolution": resolution}
+        mesh = {"file": path, "scale": scale, **finer}
+        return cls.from_dict(entries | {"mesh": mesh}, name=Path(path).stem)
 
     def save(self, path: str | Path) -> None:
         """Write the map as JSON, whole or not at all; `load` reads the same map.
@@ -246,31 +244,22 @@ class GraspMap(EqualByData):
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
     @classmethod
-    def from_dict(
-        cls,
-        data: Any,
-        spacing: float | None = None,
-        clearance: float | None = None,
-        name: str = "map",
-    ) -> GraspMap:
+    def from_dict(cls, data: Any, name: str = "map") -> GraspMap:
         """Build a map from parsed JSON.
 
         All fields are optional, see "File formats" in the documentation. Points whose rail, with
         its width, is closer to a handrail on the same face than the clearance are left out. Data
         with a field `ids` are those of `to_dict`, in which nothing is left out.
 
-        Spacing and clearance [m] override those of the data; `name` is used when the data name
-        none. Raises a `MapError` that names the field if the data are faulty, or if spacing or
-        clearance are given for data of `to_dict`, and a `SettingError` if spacing or clearance are
-        faulty.
+        The name is used when the data name none. Raises a `MapError` that names the field if the
+        data are faulty.
         """
-        given = overrides(spacing, clearance)
-        return FieldPath("", MapError).build(cls._made, data, given, name, Path())
+        return FieldPath("", MapError).build(cls._made, data, None, name, Path())
 
     @classmethod
-    def _made(cls, data: Any, given: dict[str, Any], name: str, folder: Path) -> GraspMap:
+    def _made(cls, data: Any, unit: str | None, name: str, folder: Path) -> GraspMap:
         """Return the map of plain data, see `map_fields`."""
-        fields = map_fields(data, given, name, folder)
+        fields = map_fields(data, unit, name, folder)
         parts = placed_maps(fields.pop("parts", ()), folder, PLACES, as_map)
         return cls(**(joined_fields(fields, parts) if parts else fields))
 
@@ -278,14 +267,14 @@ class GraspMap(EqualByData):
 _PLACE = FieldPath("map", MapError)
 
 
-def _file(path: object) -> Path:
-    """Return the path of a map file."""
-    return Path(FileName().read(path, FieldPath("path", MapError)))
-
-
+@checked({"spacing": SPACING, "clearance": CLEARANCE})
 def jem_map(spacing: float = 0.2, clearance: float = 0.03) -> GraspMap:
-    """Return the measured seat tracks of the JEM, 331 points with the default arguments."""
-    return GraspMap.load(asset_path("jem.json"), spacing, clearance)
+    """Return the measured seat tracks of the JEM, 331 points with the default arguments.
+
+    Points are `spacing` apart along a track, and keep a clearance from handrails [m].
+    """
+    data = read_json(asset_path("jem.json"), "map", MapError)
+    return GraspMap.from_dict(data | {"spacing": spacing, "clearance": clearance}, "jem")
 
 
 PLACES = ("jem", "truss", "uslab", "columbus", "hatch", "station")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from dataclasses import replace
+from itertools import chain, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,44 +21,18 @@ _FILES: ContextVar[tuple[Any, ...]] = ContextVar("_FILES", default=())
 """Files whose parts are being read."""
 
 
-class PlacedMap(NamedTuple):
-    """A map with its place in another one."""
-
-    id: str
-    """Name, with which the ids of its points, segments and boxes begin: `"id/point"`."""
-    map: Any
-    """The map, a `GraspMap`."""
-    rotation: Array
-    """Rotation from its frame to that of the other map, shape (3, 3)."""
-    translation: Array
-    """Its origin in the frame of the other map [m], shape (3,)."""
-
-    def position(self, local: Any) -> Array:
-        """Return positions in the frame of the other map, shape (..., 3) [m]."""
-        placed: Array = np.asarray(local) @ self.rotation.T + self.translation
-        return placed
-
-    @property
-    def corners(self) -> Array:
-        """Corners of its cabin in the frame of the other map [m], shape (8, 3)."""
-        low, high = self.map.cabin
-        local = [
-            np.where([i & 1, i & 2, i & 4], high, low) for i in range(8)
-        ]  # all combinations of the three coordinates
-        return self.position(local)
-
-
 def placed_maps(
     parts: Sequence[dict[str, Any]],
     folder: Path,
     names: Sequence[str],
     read: Callable[[Any, FieldPath], Any],
-) -> list[PlacedMap]:
-    """Return the parts of a map file, which `map_entries.PART` has checked.
+) -> list[dict[str, Any]]:
+    """Return the fields of the parts of a map file, which `map_entries.PART` has checked.
 
     `folder` is that of the files that they name, `names` are those of maps, which are not files,
     and `read` returns the map of a part, see `grasp_map.as_map`. Raises a `MlivrError` that names
-    the entry if a map is faulty, or is a part of itself. A file is read once.
+    the entry if a map is faulty, or is a part of itself, or if two have the same id. A file is read
+    once.
     """
     placed, made = [], dict[Any, Any]()
     for i, part in enumerate(parts):
@@ -75,43 +50,59 @@ def placed_maps(
                 _FILES.reset(reset)
         rotation = np.array(part.get("rotation", UNIT))
         translation = np.array(part.get("translation", (0, 0, 0)))
-        placed.append(PlacedMap(part["id"], made[key], rotation, translation))
+        placed.append(_moved(made[key], f"{part['id']}/", rotation, translation))
+    check_unique([part["id"] for part in parts], "part", MapError)
     return placed
 
 
-def joined_fields(fields: dict[str, Any], parts: Sequence[PlacedMap]) -> dict[str, Any]:
+def _moved(part: Any, name: str, rotation: Array, translation: Array) -> dict[str, Any]:
+    """Return the fields of a map, moved by a rotation, (3, 3), and a translation, (3,) [m].
+
+    The ids of points, segments and boxes begin with a name; the cabin has its eight corners.
+    """
+
+    def at(local: Any) -> Any:
+        return np.asarray(local) @ rotation.T + translation
+
+    segments = tuple(
+        replace(
+            segment,
+            id=f"{name}{segment.id}",
+            start=as_triple(at(segment.start)),
+            end=as_triple(at(segment.end)),
+            normal=as_triple(rotation @ np.array(segment.normal)),
+        )
+        for segment in part.segments
+    )
+    return {
+        "ids": tuple(f"{name}{point}" for point in part.ids),
+        "faces": part.faces,
+        "positions": at(part.positions),
+        "rotations": rotation @ part.rotations,
+        "segments": segments,
+        "boxes": Box.each_placed(part.boxes, name, rotation, translation),
+        "cabin": at(list(product(*part.cabin.T))),
+    }
+
+
+def joined_fields(fields: dict[str, Any], parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the fields of a `GraspMap` that has its own entries and those of its parts.
 
     If `cabin` is missing, it becomes the bounding box of the parts' cabins. Since it is one box, it
     may hold positions outside all modules, which the boxes of their walls keep the robot from.
-    Handrails of parts are kept as boxes only, since a `Handrail` lies along an axis. Raises a
-    `MapError` if two parts have the same id.
+    Handrails of parts are kept as boxes only, since a `Handrail` lies along an axis.
     """
-    check_unique([part.id for part in parts], "part", MapError)
-    corners = np.concatenate([part.corners for part in parts])
-    segments, boxes = list(fields["segments"]), list(fields["boxes"])
-    for part in parts:
-        boxes += Box.each_placed(part.map.boxes, f"{part.id}/", part.rotation, part.translation)
-        segments += [
-            replace(
-                segment,
-                id=f"{part.id}/{segment.id}",
-                start=as_triple(part.position(segment.start)),
-                end=as_triple(part.position(segment.end)),
-                normal=as_triple(part.rotation @ np.array(segment.normal)),
-            )
-            for segment in part.map.segments
-        ]
-    placed = [part.position(part.map.positions) for part in parts]
-    turned = [part.rotation @ part.map.rotations for part in parts]
-    ids = [f"{part.id}/{point}" for part in parts for point in part.map.ids]
+    corners = np.concatenate([part["cabin"] for part in parts])
+    every = [fields, *parts]
     return {
         "cabin": np.stack([corners.min(axis=0), corners.max(axis=0)]),
         **fields,
-        "ids": (*fields["ids"], *ids),
-        "faces": (*fields["faces"], *(face for part in parts for face in part.map.faces)),
-        "positions": np.concatenate([fields["positions"], *placed]),
-        "rotations": np.concatenate([fields["rotations"], *turned]),
-        "segments": tuple(segments),
-        "boxes": tuple(boxes),
+        **{
+            name: tuple(chain(*(one[name] for one in every)))
+            for name in ("ids", "faces", "segments", "boxes")
+        },
+        **{
+            name: np.concatenate([one[name] for one in every])
+            for name in ("positions", "rotations")
+        },
     }

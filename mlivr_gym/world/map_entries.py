@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -10,37 +10,40 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arrays import Array
-from mlivr_gym.errors import MapError, SettingError
+from mlivr_gym.errors import MapError
 from mlivr_gym.schema import (
     NAME,
     Anything,
+    Choice,
     FieldPath,
     Fields,
     ListOf,
     Numbers,
     Rotation,
     Tuples,
-    Validator,
     are_rotations,
 )
 from mlivr_gym.values import MAX_LENGTH, MAX_POINTS, MIN_SIZE, check_unique
 from mlivr_gym.world.boxes import Box, Boxes
 from mlivr_gym.world.meshes import MESH_OPTIONS, mesh_boxes
 from mlivr_gym.world.rails import DIRECTION, HANDRAIL, POSITION, SEGMENT, Handrail, Segment
-from mlivr_gym.world.units import (
-    UNIT_OF_LENGTH,
-    check_points,
-    check_rails,
-    in_metres,
-    metres_per_unit,
-    told_in_metres,
-    with_unit,
-)
 
 MARGIN = 1.5
 """How far from the box of all points the base may be [m] where a map gives no cabin.
 
 The robots that ship hold a point at most 1.46 m from the middle of their body.
+"""
+
+METRES = {"m": 1.0, "mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048}
+"""Metres per unit of length of a map file."""
+
+UNIT_OF_LENGTH = Choice(tuple(METRES))
+"""Unit of all lengths of a map file."""
+
+FAR = 100.0
+"""Largest coordinate of points and rails of a map that does not name its unit [m].
+
+The ISS, 109 m long, reaches half as far from its middle.
 """
 
 UNIT_TOLERANCE = 1e-6
@@ -215,26 +218,16 @@ def clear_of_handrails(
     return [row for row, kept in zip(rows, free, strict=True) if kept]
 
 
-def overrides(
-    spacing: float | None, clearance: float | None, unit: str | None = None
-) -> dict[str, Any]:
-    """Return what a caller gives in place of the fields of a file."""
-    kinds: dict[str, tuple[Validator[Any], Any]] = {
-        "spacing": (SPACING, spacing), "clearance": (CLEARANCE, clearance),
-        "unit": (UNIT_OF_LENGTH, unit),
-    }  # fmt: skip
-    return {
-        name: kind.read(value, FieldPath(name, SettingError))
-        for name, (kind, value) in kinds.items()
-        if value is not None
-    }
-
-
-def refuse_overrides(given: Mapping[str, Any], reason: str, *names: str) -> None:
-    """Refuse what a caller gives, of some fields, that a file takes no notice of for a reason."""
-    for name in names:
-        if name in given:
-            raise MapError(f"{name} is {given[name]!r}, but {reason}; leave it out")
+def _check_unit(points: Sequence[dict[str, Any]], segments: Sequence[Segment]) -> None:
+    """Refuse points and rails that are far away, of a map that names no unit."""
+    ends = [end for segment in segments for end in (segment.start, segment.end)]
+    farthest = float(np.abs([*ends, *(point["position"] for point in points)]).max(initial=0.0))
+    if farthest > FAR:
+        others = ", ".join(repr(unit) for unit in METRES if unit != "m")
+        raise MapError(
+            f"a coordinate is {farthest:g} m, which looks like another unit: give the unit, "
+            f"one of {others}, or 'm' for metres"
+        )
 
 
 def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
@@ -245,27 +238,41 @@ def _mesh(mesh: dict[str, Any] | None, folder: Path) -> tuple[Box, ...]:
     return mesh_boxes(folder / mesh["file"], **options)
 
 
-def map_fields(data: Any, given: dict[str, Any], name: str, folder: Path) -> dict[str, Any]:
+def map_fields(data: Any, unit: str | None, name: str, folder: Path) -> dict[str, Any]:
     """Return the fields of a `GraspMap` from plain data; files that they name lie in `folder`.
 
-    With parts, they are `joining.joined_fields`' own fields, of which `cabin` may be missing.
+    The unit of lengths is the one given, if the data name none. With parts, they are
+    `joining.joined_fields`' own fields, of which `cabin` may be missing.
     """
     root = FieldPath("", MapError)
     if isinstance(data, dict) and "ids" in data:
-        reason = "the map was saved in metres, with the points laid out"
-        refuse_overrides(given, reason, *given)
+        if unit is not None:
+            raise MapError(f"unit is {unit!r}, but the map was saved in metres; leave it out")
         return POINTS.read(data, root)
-    data = with_unit(data, given.get("unit"), root)
-    with told_in_metres(data):
-        read = MODULE.read(in_metres(MODULE, data, metres_per_unit(data, root)), root) | given
-        return _fields_of(read, root, name, folder)
+    place = root._replace(metres=metres_of(data, unit))
+    read = MODULE.read(data, place) | ({} if unit is None else {"unit": unit})
+    return _fields_of(read, root, name, folder)
+
+
+def metres_of(data: Any, given: str | None) -> float:
+    """Return the unit of plain data of a map [m], by default that of a caller, or 1.
+
+    Raises a `MapError` if both are given and differ.
+    """
+    place = FieldPath("unit", MapError)
+    named = data.get("unit", given) if isinstance(data, dict) else None
+    if named is None:
+        return 1.0
+    if given not in (None, named):
+        raise place.fault(f"is {named!r} in the file, but {given!r} is given")
+    return METRES[UNIT_OF_LENGTH.read(named, place)]
 
 
 def _fields_of(read: dict[str, Any], root: FieldPath, name: str, folder: Path) -> dict[str, Any]:
     """Return the fields of a `GraspMap` from what `MODULE` has read, see `map_fields`."""
     segments, handrails = read.get("segments", ()), read.get("handrails", ())
     if "unit" not in read:
-        check_rails(segments, root)
+        _check_unit(read.get("points", ()), segments)
     rows = [
         point_row(entry, root.field("points").entry(i))
         for i, entry in enumerate(read.get("points", ()))
@@ -278,8 +285,6 @@ def _fields_of(read: dict[str, Any], root: FieldPath, name: str, folder: Path) -
     if not (rows or parts):
         raise MapError("the map has no graspable point; give 'points', 'segments' or 'parts'")
     positions = np.array([row[2] for row in rows]).reshape(-1, 3)
-    if not ("unit" in read or parts):
-        check_points(positions, read.get("name", name))
     cabin = read.get("cabin")
     if cabin is None and not parts:
         around = positions.min(axis=0) - MARGIN, positions.max(axis=0) + MARGIN

@@ -21,8 +21,7 @@ from mlivr_gym.extras import require
 from mlivr_gym.schema import NAME, OrNone, Tuples
 from mlivr_gym.values import MAX_LENGTH, MAX_PARTS, MIN_SIZE, as_triple
 from mlivr_gym.world.boxes import Box
-from mlivr_gym.world.mesh_plates import Plates, areas, flat_parts
-from mlivr_gym.world.triangle_cubes import cubes_of_triangles
+from mlivr_gym.world.mesh_plates import Plates, areas, cubes_of_triangles, flat_parts
 
 RESOLUTION = 0.05
 """Default edge of a cube [m]."""

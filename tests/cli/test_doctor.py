@@ -8,7 +8,7 @@ from importlib import metadata
 
 import pytest
 
-from mlivr_gym.cli import doctor, installed
+from mlivr_gym.cli import doctor
 
 
 @pytest.fixture
@@ -28,11 +28,11 @@ def test_doctor_tells_what_is_installed(run, no_gl):
 @pytest.mark.usefixtures("no_gl")
 def test_what_is_missing_is_told_with_the_command_that_installs_it(run, monkeypatch):
     needed = ["numpy>=2", "no-such-arm[x]<2,>=1; extra == 'agents'"]
-    monkeypatch.setattr(installed.metadata, "requires", lambda _: needed)
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: needed)
     code, out, _ = run("doctor")
     assert code == 0
     assert "extra [agents]: no-such-arm MISSING; pip install 'mlivr-gym[agents]'" in out
-    monkeypatch.setattr(installed.metadata, "requires", lambda _: ["no-such-core>=2"])
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: ["no-such-core>=2"])
     code, out, _ = run("doctor")
     assert code == 1
     assert "required packages: no-such-core MISSING" in out
@@ -49,13 +49,13 @@ def test_what_is_missing_is_told_with_the_command_that_installs_it(run, monkeypa
     ],
 )
 def test_versions_out_of_the_tested_range_are_told(run, monkeypatch, version, fault, code):
-    monkeypatch.setattr(installed.metadata, "requires", lambda _: ["numpy<3,>=2.0"])
-    monkeypatch.setattr(installed.metadata, "version", lambda _: version)
+    monkeypatch.setattr(doctor.metadata, "requires", lambda _: ["numpy<3,>=2.0"])
+    monkeypatch.setattr(doctor.metadata, "version", lambda _: version)
     found, out, _ = run("doctor", "--json")
     told = json.loads(out)
     both = told["faults"] | told["untested"]
     assert found == code
-    assert both.get("numpy") == (fault and fault.format(installed.TESTED["numpy"][1])[6:])
+    assert both.get("numpy") == (fault and fault.format(doctor.TESTED["numpy"][1])[6:])
 
 
 def with_broken(folder, package, code, *words):

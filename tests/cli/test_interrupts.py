@@ -8,6 +8,8 @@ from importlib.metadata import EntryPoint
 
 import pytest
 
+import mlivr_gym
+
 SCRIPT = """\
 import re, sys
 from {module} import {function}
@@ -17,7 +19,7 @@ if __name__ == "__main__":
 """What pip writes as the command."""
 
 AT_IMPORT = """\
-import atexit, os, signal, sys
+import os, signal, sys
 
 class Interrupting:
     def find_spec(self, name, path=None, target=None):
@@ -26,8 +28,6 @@ class Interrupting:
             os.killpg(0, signal.SIGINT)
 
 sys.meta_path.insert(0, Interrupting())
-if os.environ["AT"] == "the end":
-    atexit.register(lambda: [os.killpg(0, signal.SIGINT), "some time passes"])
 """
 """A `sitecustomize` that sends the signal when a module is about to be imported."""
 
@@ -71,11 +71,10 @@ def interrupted(tmp_path):
     [
         ("script", "gymnasium"),
         ("module", "mlivr_gym.planners.planner"),
-        ("module", "the end"),
     ],
 )
-def test_a_command_is_interrupted_while_it_starts_or_ends(interrupted, start, at):
-    code, _, err = interrupted(start, at, *(["--version"] if at == "the end" else ["plan"]))
+def test_a_command_is_interrupted_while_it_starts(interrupted, start, at):
+    code, _, err = interrupted(start, at, "plan")
     assert (code, err) == (130, "mlivr-gym: interrupted\n")
 
 
@@ -87,43 +86,28 @@ def test_the_processes_of_a_study_say_nothing(interrupted, tmp_path):
     assert end == (130, "", "mlivr-gym: interrupted\n")
 
 
-def test_an_interruption_in_a_callback_ends_the_command():
-    """Python would print it there, and go on."""
+def alone(code):
+    """Run code that imports the module as a command does, before all that has threads."""
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False,
+        env=os.environ | {"PYTHONPATH": os.path.dirname(mlivr_gym.__file__)},
+    )  # fmt: skip
+
+
+def test_an_interruption_ends_what_does_not_respond():
+    """As compiled code."""
     code = """
-import signal, weakref
-from mlivr_gym.cli.exits import handle_interrupts
-signal.signal(signal.SIGINT, signal.default_int_handler)
-class Thing: pass
-with handle_interrupts():
-    thing = Thing()
-    watch = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
-    del thing
-print("went on")
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "mlivr-gym: interrupted\n"
-
-
-@pytest.mark.parametrize("before", [0, 1])
-def test_an_interruption_ends_what_does_not_respond(before):
-    """As compiled code; also one that comes after another that was handled, as while saving."""
-    code = f"""
 import ctypes, os, signal, threading
-from mlivr_gym.cli.exits import handle_interrupts
 signal.signal(signal.SIGINT, signal.default_int_handler)
-with handle_interrupts(0.1):
-    for _ in range({before}):
-        try:
-            signal.raise_signal(signal.SIGINT)
-        except KeyboardInterrupt:
-            pass
-    signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # of this thread alone
-    threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    ctypes.CDLL(None).sleep(20)
+import _interrupts
+_interrupts.watch()
+_interrupts.set_grace(0.1)
+signal.pthread_sigmask(signal.SIG_BLOCK, [_interrupts.INTERRUPT])
+threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+ctypes.CDLL(None).sleep(20)
 print("went on")
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = alone(code)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "mlivr-gym: interrupted\n")
 
 

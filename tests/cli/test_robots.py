@@ -14,7 +14,6 @@ from mlivr_gym.cli.arguments import (
     environment_arguments,
     world_options,
 )
-from mlivr_gym.cli.help import output_options
 from mlivr_gym.cli.robots import chosen_robot
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.robot.cargo import Cargo
@@ -24,8 +23,7 @@ def parsed(*words):
     """The options of a command that takes a robot."""
     parser = argparse.ArgumentParser()
     world_options(parser)
-    output_options(parser)
-    parser.set_defaults(default=parser.get_default)
+    parser.set_defaults(default=parser.get_default, quiet=False)
     return parser.parse_args(words)
 
 

@@ -1,6 +1,5 @@
 """Robots from URDF and MJCF: Pinocchio and MuJoCo tell where flanges are and how links move."""
 
-import json
 import re
 
 import numpy as np
@@ -90,20 +89,11 @@ def test_a_torso_whose_arms_reach_forward_is_told_which_way_is_up(tmp_path):
         np.testing.assert_allclose(away, 0.0, atol=1e-9)
 
 
-def test_saved_robots_are_read_again_and_meet_the_published_schema(tmp_path):
-    jsonschema = pytest.importorskip("jsonschema")
-    from mlivr_gym.envs_assets import asset_path
-    from mlivr_gym.robot.json_schema import robot_schema
-
-    schema = json.loads(asset_path("robot.schema.json").read_text())
-    assert schema == json.loads(json.dumps(robot_schema()))
+def test_saved_robots_are_read_again(tmp_path):
     path = tmp_path / "saved.json"
     for robot in (robot_spec("mlivr3"), robot_spec(written(tmp_path, one_arm()))):
         robot.save(path)
-        jsonschema.validate(json.loads(path.read_text()), schema)
         assert robot_spec(str(path)) == robot
-    with pytest.raises(jsonschema.ValidationError):
-        jsonschema.validate({"limbz": 2}, schema)
 
 
 def test_a_joint_of_an_mjcf_may_have_no_range_and_no_speed(tmp_path):

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from small_tables import small_table
 
-from mlivr_gym.compiled.cached_files import cached_files, mark_used
 from mlivr_gym.stances import table_files
 from mlivr_gym.stances.graph_table import GraphTable
 from mlivr_gym.stances.table_build import find_table
@@ -115,7 +114,6 @@ def test_a_mapped_table_is_checked_once_and_again_when_its_time_differs(known, c
     assert len(counted) == 1
     for _ in range(2):
         found(graph)
-        mark_used(path)
     assert len(counted) == 1
     os.utime(path)
     found(graph)
@@ -124,4 +122,3 @@ def test_a_mapped_table_is_checked_once_and_again_when_its_time_differs(known, c
     path.with_name(path.name + CHECKED).unlink()
     found(graph)
     assert len(counted) == 3
-    assert path.with_name(path.name + CHECKED) in {one.path for one in cached_files()}

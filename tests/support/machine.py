@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 MAY_BE_MISSING = {
-    "coal", "dask", "distributed", "dm_control", "dm_env", "eaik", "imageio", "jsonschema",
+    "coal", "dask", "distributed", "dm_control", "dm_env", "eaik", "imageio",
     "minari", "nbclient", "nbformat", "networkx", "pinocchio", "playwright", "pyarrow",
     "rustworkx", "sb3_contrib", "ssik", "stable_baselines3", "torch", "torchrl", "tqdm", "trimesh",
     "viser", "yaml",

@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError
+from mlivr_gym.world.mesh_plates import cubes_of_triangles
 from mlivr_gym.world.meshes import largest_excess, merged_cells, mesh_boxes
-from mlivr_gym.world.triangle_cubes import cubes_of_triangles
 
 trimesh = pytest.importorskip("trimesh")
 
