@@ -110,78 +110,75 @@ def option(
 
 def world_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of robot, map and settings."""
-    group = parser.add_argument_group("robot, map and what stances and steps must keep")
     text = f"{', '.join(ROBOTS)}, or the path of a JSON, URDF or MJCF file"
-    option(group, "--robot ROBOT", text, "mlivr2")
+    option(parser, "--robot ROBOT", text, "mlivr2")
     text = "joint of a seven-joint arm of a URDF or MJCF file that does not move, or one a limb"
-    option(group, "--locked-joint JOINT...", f"{text}: none for six joints (default: the third)")
+    option(parser, "--locked-joint JOINT...", f"{text}: none for six joints (default: the third)")
     text = "angle of the locked joint, or one for each limb [rad] (default: 0)"
-    option(group, "--locked-angle RAD...", text)
+    option(parser, "--locked-angle RAD...", text)
     text = "link or site of a URDF or MJCF file at which limbs grasp, or one for each limb"
-    option(group, "--tool-frame LINK...", text)
-    option(group, "--package-dir DIR...", "folders with the packages that a URDF file names")
+    option(parser, "--tool-frame LINK...", text)
+    option(parser, "--package-dir DIR...", "folders with the packages that a URDF file names")
     text = "do not compare neighbouring links of a limb that touch in every posture"
-    option(group, "--allow-touching", text)
+    option(parser, "--allow-touching", text)
     text = "joint of a seven-joint limb that is locked: limb from 0, joint from 1, angle [rad]; "
     option(
-        group, "--failed-joint LIMB JOINT RAD", f"{text}may be given for several limbs", [],
+        parser, "--failed-joint LIMB JOINT RAD", f"{text}may be given for several limbs", [],
         Reader(failed_joint_of), type=float,
     )  # fmt: skip
     text = "cargo on the body, opposite the points: mass [kg] and edges along x, y and z [m]"
-    option(group, "--cargo KG X Y Z", text, valid=Reader(cargo_of), type=float)
+    option(parser, "--cargo KG X Y Z", text, valid=Reader(cargo_of), type=float)
     text = f"{', '.join(PLACES)}, or the path of a JSON or CSV file (default: the measured JEM)"
-    option(group, "--map MAP", text)
+    option(parser, "--map MAP", text)
     text = "unit of the lengths in the file of --map that does not name one (default: m)"
-    option(group, "--unit UNIT", text, valid=UNIT_OF_LENGTH)
-    option(group, "--no-manipulability", "ignore both thresholds of manipulability")
-    option(group, "--no-transitions", "do not check that steps are executable")
-    option(group, "--no-collisions", "do not check collisions")
-    option(group, "--clearance M", "minimum distance between collision shapes [m]", 0.02)
-    option(group, "--limb-threshold W", "minimum limb manipulability w_m of a stance", 0.1)
+    option(parser, "--unit UNIT", text, valid=UNIT_OF_LENGTH)
+    option(parser, "--no-manipulability", "ignore both thresholds of manipulability")
+    option(parser, "--no-transitions", "do not check that steps are executable")
+    option(parser, "--no-collisions", "do not check collisions")
+    option(parser, "--clearance M", "minimum distance between collision shapes [m]", 0.02)
+    option(parser, "--limb-threshold W", "minimum limb manipulability w_m of a stance", 0.1)
     text = "minimum base manipulability w_b of a stance (default: 0.001 (2/N)^3 for N limbs)"
-    option(group, "--base-threshold W", text, type=float)
+    option(parser, "--base-threshold W", text, type=float)
 
 
 def obstacle_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of obstacles and occupied points."""
-    group = parser.add_argument_group("obstacles")
-    option(group, "--obstacles FILE", "boxes and occupied points as a JSON file")
+    option(parser, "--obstacles FILE", "boxes and occupied points as a JSON file")
     text = "box that the robot must not touch, by its lower and upper corner [m]; may be repeated"
-    option(group, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
-    option(group, "--occupied POINT...", "ids of points that no limb may grasp", [])
+    option(parser, "--box X0 Y0 Z0 X1 Y1 Z1", text, [], **BOXES)
+    option(parser, "--occupied POINT...", "ids of points that no limb may grasp", [])
 
 
 def query_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of start, goal and search."""
-    group = parser.add_argument_group("start, goal and search")
-    option(group, "--start POINT...", "ids of the points held at the start, one for each limb")
+    option(parser, "--start POINT...", "ids of the points held at the start, one for each limb")
     option(
-        group,
+        parser,
         "--start-pose X Y Z QW QX QY QZ",
         "base pose at the start: position [m] and quaternion (default: the posture of the stance)",
         type=float,
     )
     text = "joint angles at the start, six for each limb [rad] (default: any that hold the points)"
-    option(group, "--start-joints Q...", text, type=float)
-    option(group, "--goal X Y Z", "goal position of the base [m]", type=float)
-    option(group, "--tolerance M", "radius of the goal region [m]", 0.2)
-    option(group, "--goal-face FACE", "face whose points all limbs must hold at the goal")
-    option(group, "--cost COST", "cost to minimise", "base", Choice(COSTS))
+    option(parser, "--start-joints Q...", text, type=float)
+    option(parser, "--goal X Y Z", "goal position of the base [m]", type=float)
+    option(parser, "--tolerance M", "radius of the goal region [m]", 0.2)
+    option(parser, "--goal-face FACE", "face whose points all limbs must hold at the goal")
+    option(parser, "--cost COST", "cost to minimise", "base", Choice(COSTS))
     text = "cost of each regrasp, added to the base displacement [m]; needs --cost weighted"
-    option(group, "--regrasp-price M", text, type=float)
-    option(group, "--method METHOD", "search method", "astar", Choice(METHODS))
+    option(parser, "--regrasp-price M", text, type=float)
+    option(parser, "--method METHOD", "search method", "astar", Choice(METHODS))
     text = "estimate of the cost to the goal (default: relaxed for two limbs, else consistent)"
-    option(group, "--heuristic HEURISTIC", text, valid=Choice(HEURISTICS))
+    option(parser, "--heuristic HEURISTIC", text, valid=Choice(HEURISTICS))
     option(
-        group,
+        parser,
         "--inflation E",
         "suboptimality bound: accept a plan that is proved to cost at most E times the minimum "
         "(default: 1 for two limbs; for more any plan, and the proved bound is printed)",
         type=float,
     )
     text = "search for a plan, and improve it, for at most S seconds"
-    option(group, "--time-limit S", text, type=float)
-    option(group, "--limit LIMIT", "maximum number of states expanded", EXPANSIONS, LIMIT)
+    option(parser, "--time-limit S", text, type=float)
+    option(parser, "--limit LIMIT", "maximum number of states expanded", EXPANSIONS, LIMIT)
 
 
 def walk_options(parser: argparse.ArgumentParser) -> None:

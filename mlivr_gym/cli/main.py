@@ -11,7 +11,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -19,19 +19,12 @@ from mlivr_gym import __version__
 from mlivr_gym._interrupts import CLEAR_LINE, INTERRUPTED, is_command, set_grace, silence
 from mlivr_gym.cli.commands import COMMANDS
 from mlivr_gym.cli.exits import EXIT_CODES, FAILED, GRACE, NO_PLAN, REFUSED, SUCCESS
-from mlivr_gym.errors import MlivrError, NoPlanError, SettingError, one_line
+from mlivr_gym.cli.help import CommandParser, output_options
+from mlivr_gym.errors import MlivrError, NoPlanError, one_line
 from mlivr_gym.extensions import commands
 
 SHOWN = ("plan", "render", "simulate", "evaluate")
 """Commands whose examples the help of the program shows."""
-
-
-class CommandParser(argparse.ArgumentParser):
-    """Parser of command lines that raises its errors."""
-
-    def error(self, message: str) -> NoReturn:
-        """Raise a `SettingError` of one line, which says where the usage is explained."""
-        raise SettingError(f"{message}; see `{self.prog} --help`")
 
 
 def every_command() -> dict[str, tuple[str, tuple[str, ...]]]:
@@ -51,10 +44,8 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
     Only the modules of these are imported, since importing Numba and others takes a second.
     """
     shown = [line for name in SHOWN for line in COMMANDS[name][1:]]
-    form = argparse.RawDescriptionHelpFormatter
-    parser = CommandParser(
+    parser: argparse.ArgumentParser = CommandParser(
         prog="mlivr-gym",
-        formatter_class=form,
         usage="%(prog)s COMMAND [OPTION ...]",
         description="Plan, simulate and learn how a robot with several limbs climbs hand over "
         "hand through a space station module.",
@@ -68,7 +59,7 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
         dest="command", required=True, metavar="COMMAND", prog="mlivr-gym"
     )
     for name, (place, (summary, *lines)) in every_command().items():
-        added = choices.add_parser(name, help=summary, epilog=examples(lines), formatter_class=form)
+        added = choices.add_parser(name, help=summary, epilog=examples(lines))
         added.set_defaults(default=added.get_default, commands=choices.choices)
         if name in given:
             module = import_module(place)
@@ -76,18 +67,8 @@ def _parser(given: Sequence[str]) -> argparse.ArgumentParser:
             added.set_defaults(run=module.run)
             if hasattr(module, "add_options"):
                 module.add_options(added)
-            _add_output_options(added)
-            given_first = [str(one.metavar) for one in added._get_positional_actions()]
-            added.usage = " ".join(["%(prog)s [OPTION ...]", *given_first])
+            output_options(added)
     return parser
-
-
-def _add_output_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of printed output."""
-    text = "print one JSON object in place of text, even if the command fails"
-    parser.add_argument("--json", action="store_true", help=text)
-    text = "print neither text nor progress; errors are still printed"
-    parser.add_argument("-q", "--quiet", action="store_true", help=text)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
