@@ -26,7 +26,7 @@ from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, is_exact, table_of
 from mlivr_gym.stances.parts import Block, PartArrays, Parts, Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import StanceSets
+from mlivr_gym.stances.stance_sets import stance_sets
 from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.transitions.records import ReleaseRecord
 from mlivr_gym.world.grasp_map import GraspMap
@@ -91,9 +91,9 @@ def table_of_listed(
 
 def _nodes(graph: StanceGraph, world: World, parts: Parts, progress: Progress | None) -> NodeTable:
     """Compute all nodes that hold one of the sets of points; return their table without edges."""
-    sets = sets_of(graph)
+    (sets,) = parts.get("sets", lambda: [_sets_of(graph)])
     each = STANCES_AT_ONCE // len(_orders(graph.robot))
-    blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
+    blocks = [(at, sets[at : at + each]) for at in range(0, len(sets) or 1, each)]
     threads = workers(len(blocks), 2)
     found = parts.of_blocks(nodes_of_sets, blocks, (world,), threads, progress)
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
@@ -108,12 +108,12 @@ def _check_empty(graph: StanceGraph) -> None:
         raise TableError("a table is built without obstacles and occupied points; clear them")
 
 
-def sets_of(graph: StanceGraph) -> StanceSets:
+def _sets_of(graph: StanceGraph) -> NDArray[np.uint16]:
     """Return the sets of points that nodes of a graph hold; a `TableError` as in `build`."""
     _check_empty(graph)
     if not graph.settings.transitions:
         raise TableError("a table of three or four limbs needs transitions=True: steps are checked")
-    sets = StanceSets.of(graph)
+    sets = stance_sets(graph)
     if sets is None:
         raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
