@@ -46,8 +46,8 @@ def build(
 ) -> GraphTable:
     """Compute all nodes of a graph and the steps between them.
 
-    Raises a `TableError` if the robot has more than four limbs, or the map too many points, or if
-    there are obstacles or occupied points; with three and four limbs if steps are not checked.
+    It has no obstacles and no occupied points. Raises a `TableError` if the robot has more than
+    four limbs, or the map too many points, and with three and four limbs if steps are not checked.
     """
     world, parts = (graph.grasp_map, graph.robot, graph.settings), parts or Parts(None)
     listed = None
@@ -66,7 +66,6 @@ def build(
 
 def _with_releases(graph: StanceGraph, parts: Parts) -> tuple[ListedStances, NodeTable]:
     """Return the listed stances of a graph with their releases, and their table without edges."""
-    _check_empty(graph)
     known, points = graph.listed, graph.points
     releases = ReleaseRecord.rows(*points.shape)
     releases["branches"], releases["known"] = known.postures.branch_sets, True
@@ -102,15 +101,8 @@ def _nodes(graph: StanceGraph, world: World, parts: Parts, progress: Progress | 
     return table_of(nodes, is_symmetric_after_relabelling(graph.robot))
 
 
-def _check_empty(graph: StanceGraph) -> None:
-    """Check that there are no obstacles and no occupied points; a `TableError` otherwise."""
-    if graph.obstacles or graph.occupied:
-        raise TableError("a table is built without obstacles and occupied points; clear them")
-
-
 def _sets_of(graph: StanceGraph) -> NDArray[np.uint16]:
     """Return the sets of points that nodes of a graph hold; a `TableError` as in `build`."""
-    _check_empty(graph)
     if not graph.settings.transitions:
         raise TableError("a table of three or four limbs needs transitions=True: steps are checked")
     sets = stance_sets(graph)
