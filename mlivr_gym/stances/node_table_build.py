@@ -126,7 +126,7 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     """Compute the nodes that hold some sets of points: columns of `Nodes`."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(world[1])].reshape(-1, limbs)
-    graph = _graph(world)
+    graph = StanceGraph(*world)  # an empty one, since what graphs store takes memory
     postures = graph.nodes(stances)
     nodes = np.flatnonzero(graph.is_node(postures))
     stances, postures = stances[nodes], postures.take(nodes)
@@ -155,7 +155,7 @@ def joined(first: int, last: int, world: World, table: NodeTable) -> PartArrays:
     list_node_pairs(table, before, last, pairs)
     begin, end = table.start[first], table.start[last]
     members = table.members[begin:end].astype(np.int64)
-    return kept_on_pairs(_graph(world), table, members, pairs - begin)
+    return kept_on_pairs(StanceGraph(*world), table, members, pairs - begin)
 
 
 def kept_on_pairs(
@@ -183,8 +183,3 @@ def kept_on_pairs(
     kept = packed(of_supports)
     kept[~of_supports.all(axis=1)] = 0
     return EdgeSet.of(packed(relabelled(shared, first)[:, :-1]), kept)
-
-
-def _graph(world: World) -> StanceGraph:
-    """Return an empty graph, since what graphs store takes memory."""
-    return StanceGraph(*world)
