@@ -83,7 +83,7 @@ class PositionCells(NamedTuple):
         has_positions, place = np.zeros(shape, dtype=np.bool_), (x * shape[1] + y) * shape[2] + z
         has_positions.reshape(-1)[place] = True
         number = np.cumsum(has_positions, dtype=np.int32) - 1
-        low = np.ascontiguousarray(np.argwhere(has_positions) + first)
+        low: Array = np.ascontiguousarray(np.argwhere(has_positions) + first)
         return cls(number[place], CELL_EDGE * low)
 
 
