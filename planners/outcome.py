@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from mlivr_gym.arrays import Array
 from mlivr_gym.transitions.state import State
@@ -37,13 +39,13 @@ class SearchResult:
     states: tuple[State, ...]
     """States from the start to the goal, or the start alone if the goal was not reached; with
     Algorithm 1 those to the last expanded state."""
-    cost: float
+    cost: float = 0.0
     """Cost of the path."""
-    expanded: int
+    expanded: int = 0
     """Number of states expanded."""
-    generated: int
+    generated: int = 0
     """Number of states put into the open queue."""
-    tree: Array
+    tree: Array = field(default_factory=lambda: np.zeros((0, 2, 3)))
     """Base positions at both ends of the steps that the last search explored, (e, 2, 3) [m]."""
     backward_expanded: int = 0
     """Number of nodes and labels from which backward searches computed the lower bounds."""

@@ -294,7 +294,10 @@ class Planner(OnGraph):
         The parameters are those of `plan`. The table is cached until the world changes. Raises a
         `SettingError` if the robot has more than two limbs.
         """
-        graph = self._two_limbs()
+        graph = self.graph
+        if not graph.lists_all:
+            name = graph.robot.name
+            raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
         target = Goal.from_arguments(graph, goal, cost, regrasp_price, goal_tolerance, goal_face)
         key = (*target.key, graph.version)
         if key not in self._cost_tables:
@@ -302,10 +305,3 @@ class Planner(OnGraph):
             if len(self._cost_tables) > CACHED_TABLES:
                 self._cost_tables.popitem(last=False)
         return self._cost_tables[key]
-
-    def _two_limbs(self) -> StanceGraph:
-        """Return the stance graph, which must be one of two limbs."""
-        if not self.graph.lists_all:
-            name = self.graph.robot.name
-            raise SettingError(f"cost-to-go tables need two limbs; robot {name!r} has more")
-        return self.graph

@@ -5,8 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-import numpy as np
-
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import NoPlanError
 from mlivr_gym.motion.plan import Plan
@@ -137,6 +135,6 @@ def without_plan(
     reason: str, message: str, timer: Timer, result: SearchResult | None = None
 ) -> PlanningResult:
     """Return a result without a plan."""
-    counts = (0, 0) if result is None else (result.expanded, result.generated)
-    tree = np.zeros((0, 2, 3)) if result is None else result.tree
-    return PlanningResult(None, reason, message, *counts, timer.start_state, timer.search, tree)
+    result = result or SearchResult(reason, ())
+    counts, times = (result.expanded, result.generated), (timer.start_state, timer.search)
+    return PlanningResult(None, reason, message, *counts, *times, result.tree)

@@ -274,9 +274,7 @@ class _Footholds:
     def search(self, layers: list[Postures]) -> _PosedPath | None:
         """Return the path of minimum base translation over some postures of each stance."""
         graph, last = self.graph, len(layers) - 1
-        postures = layers[0]
-        for layer in layers[1:]:
-            postures = join(postures, layer)
+        postures = join(*layers)
         sizes = [len(layer.w_b) for layer in layers]
         starts = np.concatenate([[0], np.cumsum(sizes)])
         points = np.repeat(np.array(self.stances, dtype=np.int64), sizes, axis=0)

@@ -51,7 +51,7 @@ def path_along(
     if len(states) <= len(stances):
         return None
     cost = cost_of(graph.postures_of(states).base_position)
-    return SearchResult(GOAL_REACHED, states, cost, 0, 0, np.zeros((0, 2, 3)))
+    return SearchResult(GOAL_REACHED, states, cost)
 
 
 class GraphSearcher:
@@ -83,7 +83,7 @@ class GraphSearcher:
         try:
             return self._find(search, start, step_time)
         except OutOfTime:
-            return _nothing_found(start)
+            return SearchResult(LIMIT_REACHED, (start,))
 
     def _find(self, search: SearchQuery, start: State, step_time: float) -> SearchResult | None:
         """Search as `find` does; raise `OutOfTime` if the time is over before a search begins."""
@@ -104,11 +104,6 @@ class GraphSearcher:
         return run_search(ImplicitSearch(graph, search, start), step_time)
 
 
-def _nothing_found(start: State) -> SearchResult:
-    """Return the result of a search for which there was no time."""
-    return SearchResult(LIMIT_REACHED, (start,), 0.0, 0, 0, np.zeros((0, 2, 3)))
-
-
 def run_search(path_search: PathSearch, step_time: float = 0.0) -> SearchResult | None:
     """Search until a path is proved good enough, a limit is reached, or no path is left.
 
@@ -117,7 +112,7 @@ def run_search(path_search: PathSearch, step_time: float = 0.0) -> SearchResult 
     """
     search, start = path_search.search, path_search.start
     if path_search.starts_at_goal:
-        return SearchResult(GOAL_REACHED, (start,), 0.0, 1, 1, np.zeros((0, 2, 3)), bound=1.0)
+        return SearchResult(GOAL_REACHED, (start,), 0.0, 1, 1, bound=1.0)
     incumbent: StatePath | None = None
     improvements = []
     for path in path_search.paths():

@@ -20,7 +20,7 @@ from mlivr_gym.envs.viewer import RENDER_FPS, EnvViewer
 from mlivr_gym.kinematics.batches import distance
 from mlivr_gym.schema import Choice, OrNone
 from mlivr_gym.sharing import Independent, OnGraph, locked
-from mlivr_gym.stances.moves import GraphMoves, Moves, TableMoves
+from mlivr_gym.stances.moves import Moves, TableMoves
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.stances.step_tables import step_tables
 from mlivr_gym.stances.table_build import find_table
@@ -78,7 +78,7 @@ class StanceGraphEnv(OnGraph, Independent, PlainSpec, gymnasium.Env[Any, Any]):
         graph = self.graph
         if self._moves is None or self._moves_version != graph.version:
             known = graph.lists_all and graph.is_complete
-            self._moves = self._exact_moves() if self._uses_tables or known else GraphMoves(graph)
+            self._moves = self._exact_moves() if self._uses_tables or known else Moves(graph)
             self._moves_version = graph.version
         return self._moves
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym.arguments import InstanceOf, checked
-from mlivr_gym.arrays import IntArray
 from mlivr_gym.collisions.always_close import told_always_close
 from mlivr_gym.collisions.distances import CABIN, CLEAR, HANDRAIL, OBSTACLE, SELF
 from mlivr_gym.errors import RobotError
+from mlivr_gym.postures import solver
+from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.robot.specification import ROBOT_OR_NAME, RobotSpec, robot_spec
 from mlivr_gym.schema import OrNone
 from mlivr_gym.settings import Settings
@@ -19,8 +20,9 @@ from mlivr_gym.stances.graph_table import COUNTS, GraphTable, ListedStances
 from mlivr_gym.stances.node_edges import EdgeSet, NodePair, count_node_pairs, with_edges
 from mlivr_gym.stances.node_table import is_exact
 from mlivr_gym.stances.node_table_build import table_of_listed
+from mlivr_gym.stances.parts import PartArrays, Parts
 from mlivr_gym.stances.stance_graph import TOUCHED, StanceGraph
-from mlivr_gym.stances.table_file import LISTED, TABLES
+from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.world.grasp_map import MAP, GraspMap, as_map
 
 LEAST_STORED = 10_000
@@ -71,10 +73,12 @@ def list_stances(graph: StanceGraph) -> None:
     if found is not None:
         graph.graph_table = found[1]
         return
-    stored = LISTED.find(graph) if len(graph.pairs) >= LEAST_STORED else None
-    points, listed = stored[1] if stored else _computed(graph)
-    if stored is None and len(graph.pairs) >= LEAST_STORED:
-        LISTED.cache(graph, (points, listed))
+    # They are the first part of a table, whether or not its steps are ever computed.
+    is_large = len(graph.pairs) >= LEAST_STORED
+    parts = Parts.of(graph, solver.__file__) if is_large else Parts(None)
+    points, counts, *fields = parts.get("stances", lambda: _computed(graph))
+    postures = Postures(**dict(zip(FIELDS, fields, strict=True)))
+    listed = ListedStances(postures, dict(zip(COUNTS, counts.tolist(), strict=True)))
     # Until they are checked, limbs are taken to be released on every branch, and steps to keep all.
     sets = listed.postures.branch_sets
     table = table_of_listed(points, listed.postures, sets, np.zeros_like(sets))
@@ -84,8 +88,8 @@ def list_stances(graph: StanceGraph) -> None:
     graph.graph_table = GraphTable(nodes, not graph.settings.transitions, listed)
 
 
-def _computed(graph: StanceGraph) -> tuple[IntArray, ListedStances]:
-    """Return the points of all stances, shape (n, N), and what is known of them, computed anew."""
+def _computed(graph: StanceGraph) -> PartArrays:
+    """Compute the points of all stances, shape (n, N), the numbers of `COUNTS`, and `FIELDS`."""
     postures = graph.postures(graph.pairs)
     node = graph.is_node(postures)
     clear, w_b = postures.cause == CLEAR, postures.w_b
@@ -93,8 +97,8 @@ def _computed(graph: StanceGraph) -> tuple[IntArray, ListedStances]:
     no_departure = (stuck & (postures.w_m >= graph.limb_threshold).all(axis=1)).sum()
     counts = [len(graph.pairs), int(postures.reachable.sum()), int(no_departure)]
     counts += [int(np.isin(postures.cause[~node], causes).sum()) for causes in REMOVED.values()]
-    named = dict(zip(COUNTS, counts, strict=True))
-    return graph.pairs[node], ListedStances(postures.take(node), named)
+    listed = postures.take(node)
+    return [graph.pairs[node], np.array(counts), *(getattr(listed, name) for name in FIELDS)]
 
 
 def in_same_world(

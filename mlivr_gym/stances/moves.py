@@ -1,13 +1,14 @@
 """The actions that a state allows, the states that they lead to, and the base poses there.
 
-`GraphMoves` reads the stance graph, for any number of limbs; `TableMoves` reads step tables, for
-two. An action is `limb * m + point` on a map of m points.
+Environments, baselines and policies read a stance graph by `Moves`, for any number of limbs, or by
+`TableMoves`, which reads step tables, for two. An action is `limb * m + point` on a map of m
+points.
 """
 
 from __future__ import annotations
 
 from collections import OrderedDict
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from mlivr_gym.transitions.rule import can_release
 from mlivr_gym.transitions.state import State, Successors
 
 CACHED_RESULTS = 4096
-"""Number of states and of stances whose results `GraphMoves` stores."""
+"""Number of states and of stances whose results `Moves` stores."""
 
 
 class StanceProperties(NamedTuple):
@@ -39,29 +40,6 @@ class StanceProperties(NamedTuple):
     """Limb manipulability, shape (N,)."""
     w_b: float
     """Base manipulability."""
-
-
-class Moves(Protocol):
-    """The interface by which environments, baselines and policies read a stance graph."""
-
-    @property
-    def graph(self) -> StanceGraph:
-        """The stance graph."""
-
-    def successors(self, state: State) -> Successors:
-        """Return all steps that leave a state."""
-
-    def action_mask(self, state: State) -> BoolArray:
-        """Return which actions are valid in a state, shape (N m,)."""
-
-    def take(self, state: State, action: int) -> State:
-        """Return the state that a valid action leads to."""
-
-    def releasable_after(self, state: State, steps: Successors) -> BoolArray:
-        """Return whether a support limb could be released after each step, shape (k,)."""
-
-    def stance_properties(self, state: State) -> StanceProperties:
-        """Return base pose and manipulability in a state."""
 
 
 def _properties(graph: StanceGraph, stance: tuple[int, ...], posture: Postures) -> StanceProperties:
@@ -82,7 +60,7 @@ def _seen(
     return points, *(np.array(one, dtype=np.float32) for one in (grasps, position, turn))
 
 
-class GraphMoves:
+class Moves:
     """Moves that a stance graph computes on demand, the latest of which are stored."""
 
     def __init__(self, graph: StanceGraph) -> None:
@@ -102,7 +80,10 @@ class GraphMoves:
 
     def action_mask(self, state: State) -> BoolArray:
         """Return which actions are valid in a state, shape (N m,)."""
-        return action_mask(self.graph, self.successors(state))
+        steps, m = self.successors(state), len(self.graph.grasp_map)
+        out = np.zeros(self.graph.limbs * m, dtype=np.bool_)
+        out[steps.limb * m + steps.point] = True
+        return out
 
     def take(self, state: State, action: int) -> State:
         """Return the state that a valid action leads to."""
@@ -126,13 +107,13 @@ class GraphMoves:
         return found
 
 
-class TableMoves:
+class TableMoves(Moves):
     """Moves from step tables."""
 
     def __init__(self, graph: StanceGraph, tables: StepTables) -> None:
         """Index the stances of the tables by their points."""
-        self.graph, self.tables = graph, tables
-        self._from_given_pose = GraphMoves(graph)
+        super().__init__(graph)
+        self.tables = tables
         m = len(graph.grasp_map)
         self.stance_at = np.full((m, m), -1, dtype=np.int32)
         """Stance index by the points of both limbs, -1 if there is none, shape (m, m)."""
@@ -140,18 +121,17 @@ class TableMoves:
         self._start = tables.start.tolist()
         self._quaternions = quaternion(graph.base_rotation)
         self._w_m, self._w_b = graph.w_m, graph.w_b.tolist()
-        self._properties: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
         if state.pose is not None:
-            return self._from_given_pose.successors(state)
+            return super().successors(state)
         return self.tables.successors(int(self.stance_at[state.stance]), state.branch_sets)
 
     def action_mask(self, state: State) -> BoolArray:
         """Return which actions are valid in a state, shape (2 m,)."""
         if state.pose is not None:
-            return self._from_given_pose.action_mask(state)
+            return super().action_mask(state)
         out = np.zeros((1, 2, len(self.stance_at)), dtype=np.int8)
         stance = np.array([self.stance_at[state.stance]], dtype=np.int64)
         valid_actions(stance, np.array([state.branch_sets], dtype=np.int64), self.tables, out)
@@ -160,7 +140,7 @@ class TableMoves:
     def take(self, state: State, action: int) -> State:
         """Return the state that a valid action leads to."""
         if state.pose is not None:
-            return self._from_given_pose.take(state, action)
+            return super().take(state, action)
         limb, point = divmod(action, len(self.stance_at))
         of_limb = 2 * int(self.stance_at[state.stance]) + limb
         begin, end = self._start[of_limb], self._start[of_limb + 1]
@@ -181,7 +161,7 @@ class TableMoves:
     def stance_properties(self, state: State) -> StanceProperties:
         """Return base pose and manipulability in a state."""
         if state.pose is not None:
-            return self._from_given_pose.stance_properties(state)
+            return super().stance_properties(state)
         found = self._properties.get(state.stance)
         if found is None:
             graph, stance = self.graph, state.stance
@@ -191,11 +171,3 @@ class TableMoves:
             found = StanceProperties(graph.ids(stance), base, seen, self._w_m[s], self._w_b[s])
             self._properties[state.stance] = found
         return found
-
-
-def action_mask(graph: StanceGraph, steps: Successors) -> BoolArray:
-    """Return which actions belong to some steps, shape (N m,)."""
-    m = len(graph.grasp_map)
-    out = np.zeros(graph.limbs * m, dtype=np.bool_)
-    out[steps.limb * m + steps.point] = True
-    return out

@@ -26,7 +26,7 @@ from mlivr_gym.stances.node_steps import node_stances
 from mlivr_gym.stances.node_table import Nodes, NodeTable, codes, is_exact, table_of
 from mlivr_gym.stances.parts import Block, PartArrays, Parts, Progress
 from mlivr_gym.stances.stance_graph import StanceGraph
-from mlivr_gym.stances.stance_sets import StanceSets
+from mlivr_gym.stances.stance_sets import stance_sets
 from mlivr_gym.stances.table_files import TableError
 from mlivr_gym.transitions.records import ReleaseRecord
 from mlivr_gym.world.grasp_map import GraspMap
@@ -46,8 +46,8 @@ def build(
 ) -> GraphTable:
     """Compute all nodes of a graph and the steps between them.
 
-    Raises a `TableError` if the robot has more than four limbs, or the map too many points, or if
-    there are obstacles or occupied points; with three and four limbs if steps are not checked.
+    It has no obstacles and no occupied points. Raises a `TableError` if the robot has more than
+    four limbs, or the map too many points, and with three and four limbs if steps are not checked.
     """
     world, parts = (graph.grasp_map, graph.robot, graph.settings), parts or Parts(None)
     listed = None
@@ -66,7 +66,6 @@ def build(
 
 def _with_releases(graph: StanceGraph, parts: Parts) -> tuple[ListedStances, NodeTable]:
     """Return the listed stances of a graph with their releases, and their table without edges."""
-    _check_empty(graph)
     known, points = graph.listed, graph.points
     releases = ReleaseRecord.rows(*points.shape)
     releases["branches"], releases["known"] = known.postures.branch_sets, True
@@ -91,9 +90,9 @@ def table_of_listed(
 
 def _nodes(graph: StanceGraph, world: World, parts: Parts, progress: Progress | None) -> NodeTable:
     """Compute all nodes that hold one of the sets of points; return their table without edges."""
-    sets = sets_of(graph)
+    (sets,) = parts.get("sets", lambda: [_sets_of(graph)])
     each = STANCES_AT_ONCE // len(_orders(graph.robot))
-    blocks = [(at, sets.points[at : at + each]) for at in range(0, len(sets) or 1, each)]
+    blocks = [(at, sets[at : at + each]) for at in range(0, len(sets) or 1, each)]
     threads = workers(len(blocks), 2)
     found = parts.of_blocks(nodes_of_sets, blocks, (world,), threads, progress)
     columns = [np.concatenate(column) for column in zip(*found, strict=True)]
@@ -102,18 +101,11 @@ def _nodes(graph: StanceGraph, world: World, parts: Parts, progress: Progress | 
     return table_of(nodes, is_symmetric_after_relabelling(graph.robot))
 
 
-def _check_empty(graph: StanceGraph) -> None:
-    """Check that there are no obstacles and no occupied points; a `TableError` otherwise."""
-    if graph.obstacles or graph.occupied:
-        raise TableError("a table is built without obstacles and occupied points; clear them")
-
-
-def sets_of(graph: StanceGraph) -> StanceSets:
+def _sets_of(graph: StanceGraph) -> NDArray[np.uint16]:
     """Return the sets of points that nodes of a graph hold; a `TableError` as in `build`."""
-    _check_empty(graph)
     if not graph.settings.transitions:
         raise TableError("a table of three or four limbs needs transitions=True: steps are checked")
-    sets = StanceSets.of(graph)
+    sets = stance_sets(graph)
     if sets is None:
         raise TableError(
             f"robot {graph.robot.name!r} has {graph.limbs} limbs on {len(graph.grasp_map)} points: "
@@ -134,7 +126,7 @@ def nodes_of_sets(_: int, sets: NDArray[np.uint16], world: World) -> PartArrays:
     """Compute the nodes that hold some sets of points: columns of `Nodes`."""
     limbs = sets.shape[1]
     stances = sets.astype(np.int64)[:, _orders(world[1])].reshape(-1, limbs)
-    graph = _graph(world)
+    graph = StanceGraph(*world)  # an empty one, since what graphs store takes memory
     postures = graph.nodes(stances)
     nodes = np.flatnonzero(graph.is_node(postures))
     stances, postures = stances[nodes], postures.take(nodes)
@@ -163,7 +155,7 @@ def joined(first: int, last: int, world: World, table: NodeTable) -> PartArrays:
     list_node_pairs(table, before, last, pairs)
     begin, end = table.start[first], table.start[last]
     members = table.members[begin:end].astype(np.int64)
-    return kept_on_pairs(_graph(world), table, members, pairs - begin)
+    return kept_on_pairs(StanceGraph(*world), table, members, pairs - begin)
 
 
 def kept_on_pairs(
@@ -191,8 +183,3 @@ def kept_on_pairs(
     kept = packed(of_supports)
     kept[~of_supports.all(axis=1)] = 0
     return EdgeSet.of(packed(relabelled(shared, first)[:, :-1]), kept)
-
-
-def _graph(world: World) -> StanceGraph:
-    """Return an empty graph, since what graphs store takes memory."""
-    return StanceGraph(*world)

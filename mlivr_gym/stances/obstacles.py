@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
@@ -38,9 +37,6 @@ OBSTACLE_CELL_EDGE = 0.6
 
 CELL_EDGE = 0.1
 """Edge of the cells whose positions are compared with obstacles as one [m]."""
-
-NO_CELL = -1
-"""Number of a cell without positions."""
 
 IDS = ListOf(Text())
 """Validator of ids of boxes."""
@@ -80,53 +76,15 @@ class PositionCells(NamedTuple):
         """Return the cells of positions, shape (n, 3) [m]."""
         if not len(positions):
             return cls(np.zeros(0, dtype=np.int32), np.zeros((0, 3)))
-        bounds = np.empty((2, 3))
-        find_bounds(positions, bounds)
-        first = np.floor(bounds[0] / CELL_EDGE)
-        shape = np.floor(bounds[1] / CELL_EDGE - first).astype(np.int64) + 2
-        cell = np.empty(len(positions), dtype=np.int32)
-        number = np.full(math.prod(shape.tolist()), NO_CELL, dtype=np.int32)
-        number_cells(positions, first, shape, number, cell)
-        low = np.stack(np.unravel_index(np.flatnonzero(number != NO_CELL), shape), axis=1) + first
-        return cls(cell, CELL_EDGE * low)
-
-
-@entry
-def find_bounds(positions: Array, bounds: Array) -> None:
-    """Write the least and the largest coordinates of positions, (n, 3), into bounds, (2, 3)."""
-    for axis in range(3):
-        bounds[0, axis] = bounds[1, axis] = positions[0, axis]
-    for k in range(len(positions)):
-        for axis in range(3):
-            bounds[0, axis] = min(bounds[0, axis], positions[k, axis])
-            bounds[1, axis] = max(bounds[1, axis], positions[k, axis])
-
-
-@entry
-def number_cells(
-    positions: Array,
-    first: Array,
-    shape: IntArray,
-    number: NDArray[np.int32],
-    cell: NDArray[np.int32],
-) -> None:
-    """Give a number to each cell of a grid that has positions, and write the cells of positions.
-
-    The grid has a shape, and `first` is the index of its first cell along each axis, (3,). The
-    numbers are `NO_CELL` at first, one for each cell of the grid.
-    """
-    for k in range(len(positions)):
-        place = 0
-        for axis in range(3):
-            place = place * shape[axis] + int(positions[k, axis] / CELL_EDGE - first[axis])
-        cell[k], number[place] = place, 0
-    count = 0
-    for place in range(len(number)):
-        if number[place] != NO_CELL:
-            number[place] = count
-            count += 1
-    for k in range(len(cell)):
-        cell[k] = number[cell[k]]
+        columns = [column / CELL_EDGE for column in positions.T]
+        first = np.floor([column.min() for column in columns])
+        x, y, z = ((one - at).astype(np.int32) for one, at in zip(columns, first, strict=True))
+        shape = tuple(int(one.max()) + 1 for one in (x, y, z))
+        has_positions, place = np.zeros(shape, dtype=np.bool_), (x * shape[1] + y) * shape[2] + z
+        has_positions.reshape(-1)[place] = True
+        number = np.cumsum(has_positions, dtype=np.int32) - 1
+        low: Array = np.ascontiguousarray(np.argwhere(has_positions) + first)
+        return cls(number[place], CELL_EDGE * low)
 
 
 @entry
@@ -278,13 +236,7 @@ class ChangingWorld(Locked, ABC):
     def close_to_obstacles(
         self, positions: PositionCells, reach: float, grid: BoxGrid | None = None
     ) -> BoolArray:
-        """Return which positions may be within `reach` of obstacles, see `close_cells`, (n,)."""
-        return np.asarray(self.close_cells(positions, reach, grid)[positions.cell])
-
-    def close_cells(
-        self, positions: PositionCells, reach: float, grid: BoxGrid | None = None
-    ) -> BoolArray:
-        """Return which cells of positions may be within `reach` of obstacles, shape (c,).
+        """Return which positions, by their cells, may be within `reach` of obstacles, shape (n,).
 
         Boxes of a grid, by default all obstacles, whose centres are close to each other count as
         one that contains them.
@@ -293,7 +245,7 @@ class ChangingWorld(Locked, ABC):
         if grid is not None:
             bounds = grouped_bounds(grid, GROUP_EDGE * reach)
             mark_close_cells(positions.low, bounds, reach + SLACK, close)
-        return close
+        return np.asarray(close[positions.cell])
 
     def among_obstacles(self, points: IntArray, postures: Postures) -> Postures:
         """Remove what obstacles and occupied points exclude from postures, and return them.

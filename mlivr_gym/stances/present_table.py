@@ -214,11 +214,8 @@ class PresentTable:
     def look(self, edges: IntArray) -> None:
         """Look at edges that are known without obstacles, once, in a few places each."""
         edges = np.unique(edges[~self.checked_edges.contains(edges)])
-        if len(edges):
-            self._look(edges)
-
-    def _look(self, edges: IntArray) -> None:
-        """Look at edges that are known without obstacles, in a few places each."""
+        if not len(edges):
+            return
         graph, (ends, back) = self.graph, self._checked_ends(edges)
         kept = kept_by_table(self.table, edges)
         at_obstacles = np.flatnonzero(self._is_at_step[ends].any(axis=0) & (kept != 0))

@@ -8,8 +8,6 @@ into memory.
 
 from __future__ import annotations
 
-import zipfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,6 @@ from numpy.typing import NDArray
 
 from mlivr_gym.compiled.bit_sets import ALL, BRANCHES
 from mlivr_gym.compiled.limb_branch_sets import WORD, unpacked
-from mlivr_gym.postures import solver
 from mlivr_gym.postures.base_poses import bases_at
 from mlivr_gym.postures.postures import FIELDS, Postures
 from mlivr_gym.postures.relabelling import is_symmetric_after_relabelling
@@ -192,36 +189,5 @@ def _checked_table(table: NodeTable) -> NodeTable:
     return table
 
 
-def _listed_postures(graph: CheckedSteps, arrays: Arrays) -> tuple[NDArray[Any], ListedStances]:
-    """Check the arrays of listed stances; return their points, shape (n, N), and the stances."""
-    # Copies, since arrays that cannot be written to are of another type for compiled code.
-    points, counts = arrays["points"].copy(), arrays["counts"].tolist()
-    postures = Postures(**{name: arrays[name].copy() for name in FIELDS})
-    n, limbs = len(points), graph.limbs
-    shapes = tuple(getattr(postures, name).shape for name in FIELDS)
-    if shapes != _posture_shapes(n, limbs):
-        raise ValueError
-    check_arrays(
-        (points, (n, limbs), 0, len(graph.grasp_map)), (postures.branch, (n, limbs), 0, BRANCHES),
-        (postures.branch_sets, (n, limbs), 1, ALL + 1),
-    )  # fmt: skip
-    return points, ListedStances(postures, dict(zip(COUNTS, counts, strict=True)))
-
-
-def _arrays_of_listed(graph: CheckedSteps, found: tuple[NDArray[Any], ListedStances]) -> Arrays:
-    """Return listed stances and their points in the arrays of a file."""
-    points, (postures, counts, _) = found
-    known = {name: getattr(postures, name) for name in FIELDS}
-    return known | {"points": points, "counts": np.array([counts[name] for name in COUNTS])}
-
-
-LISTED = TableFiles(
-    "stances", 1, zipfile.ZIP_STORED, _arrays_of_listed, _listed_postures,
-    source=Path(solver.__file__),
-)  # fmt: skip
-"""Files of the stances of maps and robots for which no table was built, with their postures."""
-
-TABLES = TableFiles(
-    "table", 7, zipfile.ZIP_LZMA, encode, decode, (mapped_arrays, table_of_mapped), is_shared=True
-)
+TABLES = TableFiles(7, encode, decode, mapped_arrays, table_of_mapped)
 """Files of the tables of stance graphs."""

@@ -21,18 +21,19 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, BinaryIO, Generic, TypeVar
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mlivr_gym.compiled.cache import cache_folder, make_private, source_digest
+from mlivr_gym.compiled.cache import cache_folder, make_private
 from mlivr_gym.compiled.kernels import threads
 from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import MlivrError
 from mlivr_gym.files import FileError, write_whole
 from mlivr_gym.settings import GRAPH_RULES
 from mlivr_gym.stances.checked_steps import CheckedSteps
+from mlivr_gym.stances.graph_table import GraphTable
 
 HEAD = "head.json"
 """Name of the head in the archive."""
@@ -59,12 +60,11 @@ CHECKED = ".checked"
 """End of the name of the file that says with which size and time a mapped file was checked."""
 
 Arrays = Mapping[str, NDArray[Any]]
-Table = TypeVar("Table")
 
 MOST_IN_MEMORY = 4
 """Number of tables that stay in memory."""
 
-_memory: OrderedDict[str, tuple[Path | None, Any]] = OrderedDict()
+_memory: OrderedDict[str, tuple[Path | None, GraphTable]] = OrderedDict()
 """Tables used last and their files, if they are stored, by the names of the files."""
 
 
@@ -73,43 +73,36 @@ class TableError(MlivrError):
 
 
 @dataclass(frozen=True)
-class TableFiles(Generic[Table]):
-    """How tables of one kind are named, written, found and read."""
+class TableFiles:
+    """How tables are named, written, found and read."""
 
-    kind: str
-    """First part of the names of the files."""
     format: int
-    """Version of the format of these files."""
-    compression: int
-    """Compression of the files that are shipped, one of `zipfile`."""
-    encode: Callable[[CheckedSteps, Table], Arrays]
+    """Version of the format of the files."""
+    encode: Callable[[CheckedSteps, GraphTable], Arrays]
     """Returns a table in the arrays of a compressed file."""
-    decode: Callable[[CheckedSteps, Arrays], Table]
+    decode: Callable[[CheckedSteps, Arrays], GraphTable]
     """Checks such arrays and returns the table; raises any error if they are damaged."""
-    mapped: tuple[Callable[[Table], Arrays], Callable[[Arrays], Table]] | None = None
-    """The same for mapped arrays, if tables of this kind are mapped to be used."""
-    source: Path | None = None
-    """Source file that computes the tables, if its digest is part of the names."""
-    is_shared: bool = False
-    """Whether tables stay in memory, for all graphs of the same kind."""
+    to_mapped: Callable[[GraphTable], Arrays]
+    """Returns a table in the arrays of a file that is mapped."""
+    of_mapped: Callable[[Arrays], GraphTable]
+    """Checks such arrays and returns the table."""
 
     def name(self, graph: CheckedSteps) -> str:
         """Return the name of the compressed file of a graph."""
-        digest = "" if self.source is None else f"-{source_digest(self.source)}"
-        return f"{self.kind}-{key_of(graph)}{digest}.npz"
+        return f"table-{key_of(graph)}.npz"
 
     def cached(self, graph: CheckedSteps) -> Path | None:
         """Return where the cache folder has the table of a graph; None without such a folder."""
-        folder, name = cache_folder(), self.name(graph)
-        if folder is None:
-            return None
-        return folder / (name.replace(".npz", "-unpacked.npz") if self.mapped else name)
+        folder = cache_folder()
+        return None if folder is None else folder / f"table-{key_of(graph)}-unpacked.npz"
 
-    def find(self, graph: CheckedSteps, *, warn: bool = True) -> tuple[Path | None, Table] | None:
+    def find(
+        self, graph: CheckedSteps, *, warn: bool = True
+    ) -> tuple[Path | None, GraphTable] | None:
         """Return the table of a graph and its file, which ships or lies in the cache folder.
 
-        A table that is mapped to be used is unpacked into the cache folder first. A file that
-        cannot be used is skipped with a warning. A table that could not be stored has no file.
+        It is unpacked into the cache folder first. A file that cannot be used is skipped with a
+        warning. A table that could not be stored has no file.
         """
         name, cached = self.name(graph), self.cached(graph)
         known = _memory.get(name)
@@ -117,9 +110,7 @@ class TableFiles(Generic[Table]):
             return known
         files = [asset_path(name)]
         if cached is not None:
-            files.append(cached.with_name(name))
-            if self.mapped:
-                files.insert(0, cached)
+            files = [cached, *files, cached.with_name(name)]
         for path in filter(Path.is_file, files):
             try:
                 table = self.read(graph, path)
@@ -127,29 +118,28 @@ class TableFiles(Generic[Table]):
                 if warn:
                     logging.getLogger(__name__).warning("%s; the file is not used", error)
                 continue
-            if path != cached and self.mapped:
+            if path != cached:
                 path = self.cache(graph, table) or path
             return self.remember(graph, path, table)
         return None
 
     def remember(
-        self, graph: CheckedSteps, path: Path | None, table: Table
-    ) -> tuple[Path | None, Table]:
-        """Keep a table in memory, if tables of this kind stay there, and return it and its file."""
-        if self.is_shared:
-            _memory[self.name(graph)] = path, table
-            if len(_memory) > MOST_IN_MEMORY:
-                _memory.popitem(last=False)
+        self, graph: CheckedSteps, path: Path | None, table: GraphTable
+    ) -> tuple[Path | None, GraphTable]:
+        """Keep a table in memory, for all graphs of its kind, and return it and its file."""
+        _memory[self.name(graph)] = path, table
+        if len(_memory) > MOST_IN_MEMORY:
+            _memory.popitem(last=False)
         return path, table
 
-    def read(self, graph: CheckedSteps, path: Path) -> Table:
+    def read(self, graph: CheckedSteps, path: Path) -> GraphTable:
         """Return the table in a file.
 
         Raises a `TableError` if the file is damaged, or of another graph or format.
         """
         try:
-            if self.mapped and path == self.cached(graph):
-                return self.mapped[1](self.arrays(graph, path, mapped=True))
+            if path == self.cached(graph):
+                return self.of_mapped(self.arrays(graph, path, mapped=True))
             return self.decode(graph, self.arrays(graph, path))
         except TableError:
             raise
@@ -158,28 +148,25 @@ class TableFiles(Generic[Table]):
                 f"table file {str(path)!r} is damaged, or not of format {self.format}"
             ) from None
 
-    def write(self, graph: CheckedSteps, table: Table, path: Path) -> None:
+    def write(self, graph: CheckedSteps, table: GraphTable, path: Path) -> None:
         """Write a compressed file.
 
         Raises a `FileError` if the file cannot be written.
         """
-        write_whole(path, self.pack(graph, self.encode(graph, table), self.compression))
+        write_whole(path, self.pack(graph, self.encode(graph, table), zipfile.ZIP_LZMA))
 
-    def cache(self, graph: CheckedSteps, table: Table) -> Path | None:
+    def cache(self, graph: CheckedSteps, table: GraphTable) -> Path | None:
         """Write a table into the cache folder and return its file; None, with a warning, if not."""
         path = self.cached(graph)
         if path is None:
             return None
         try:
             make_private(path.parent)
-            if self.mapped:
-                content = self.pack(graph, self.mapped[0](table), zipfile.ZIP_STORED)
-                write_whole(path, content)
-                if len(content) > LARGE:
-                    text = "stored %s, %.0f MB"
-                    logging.getLogger(__name__).warning(text, path, len(content) / 1e6)
-            else:
-                self.write(graph, table, path)
+            content = self.pack(graph, self.to_mapped(table), zipfile.ZIP_STORED)
+            write_whole(path, content)
+            if len(content) > LARGE:
+                text = "stored %s, %.0f MB"
+                logging.getLogger(__name__).warning(text, path, len(content) / 1e6)
         except (OSError, FileError) as error:
             logging.getLogger(__name__).warning("the table is not stored: %s", error)
             return None

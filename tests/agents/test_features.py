@@ -16,7 +16,7 @@ from mlivr_gym.agents.features import (
     point_lookahead,
 )
 from mlivr_gym.envs.env import MlivrEnv
-from mlivr_gym.stances.moves import GraphMoves
+from mlivr_gym.stances.moves import Moves
 
 
 def test_point_observation_is_an_environment(env):
@@ -137,7 +137,7 @@ def test_features_tell_points_that_are_taken_and_their_risk(small_map):
 def test_tables_and_graph_agree_on_who_may_let_go_next(small_map):
     """From states of walks among racks, where some limbs that hold cannot depart."""
     env = MlivrEnv(map=small_map)
-    rng, graph_moves, differ = np.random.default_rng(0), GraphMoves(env.graph), 0
+    rng, graph_moves, differ = np.random.default_rng(0), Moves(env.graph), 0
     for seed in range(10):
         env.reset(seed=seed)
         for _ in range(6):

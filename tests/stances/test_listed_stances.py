@@ -7,14 +7,15 @@ from numba import typeof
 from mlivr_gym import stance_graph
 from mlivr_gym.postures.postures import FIELDS
 from mlivr_gym.postures.solver import PostureSolver
-from mlivr_gym.stances import build, table_files
+from mlivr_gym.stances import build, parts, table_files
 from mlivr_gym.world.boxes import Box
 
 
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder without tables."""
-    monkeypatch.setattr(table_files, "cache_folder", lambda: tmp_path)
+    for module in (parts, table_files):
+        monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -59,4 +60,4 @@ def test_a_second_graph_reads_what_the_first_one_computed(solved):
 def test_small_maps_leave_no_files(empty_cache, small_map):
     stance_graph(small_map)
     assert len(stance_graph(small_map).pairs) < build.LEAST_STORED
-    assert not list(empty_cache.glob("stances-*"))
+    assert not list(empty_cache.glob("parts-*"))
