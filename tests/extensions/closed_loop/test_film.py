@@ -10,10 +10,10 @@ from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import MlivrError, RenderError
 from mlivr_gym.extensions.closed_loop import film as filming
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.extensions.closed_loop.film import closed_loop_film, news_at
+from mlivr_gym.extensions.closed_loop.film import closed_loop_film
 from mlivr_gym.extensions.closed_loop.hits import CUBE
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
-from mlivr_gym.extensions.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
+from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord, Footage
 from mlivr_gym.pictures import rendering
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
@@ -167,33 +167,12 @@ def test_a_film_is_written(graph, record, tmp_path):
     assert ((first[..., 0] > first[..., 2] + 80).sum()) > 100  # the bag is orange
 
 
-def test_a_stop_with_a_proof_is_told():
-    events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
-    record = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
-    assert news_at(record, 2.0) == ""
-    assert news_at(record, 3.0) == "stopped, with a proof that there is no plan: no way"
-
-
 def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
     path = tmp_path / "walk.gif"
     with pytest.raises(MlivrError, match="the walk was not filmed"):
         closed_loop_film(graph, ClosedLoopRecord(), path)
     with pytest.raises(MlivrError, match="the robot did not move"):
         closed_loop_film(graph, ClosedLoopRecord(footage=Footage()), path)
-    with pytest.raises(MlivrError, match="unknown"):
-        closed_loop_film(graph, record, path, unknown=["bag"])
     with pytest.raises(RenderError, match=r"valid endings"):
         closed_loop_film(graph, record, tmp_path / "walk.avi")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_film_that_would_not_fit_into_memory_is_refused(graph, record, tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.pictures.films.MAX_FRAMES", 100)
-    begin, *_, end = record.footage.recording.times
-    count = len(np.arange(begin, end, 1.0 / 10.0)) + 1
-    with pytest.raises(RenderError, match=f"{count} frames, more than 100; choose a higher speed"):
-        closed_loop_film(graph, record, tmp_path / "walk.gif", speed=1.0)
-
-
-def test_a_walk_that_is_not_filmed_keeps_nothing(graph):
-    assert run_closed_loop(graph, START, GOAL, max_steps=1).footage is None
