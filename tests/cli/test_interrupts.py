@@ -1,12 +1,79 @@
 """Ctrl-C ends a command with one line and 130 whenever it comes, and in whatever process."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from unittest.mock import Mock
 
 import pytest
+
+from mlivr_gym.cli.exits import FAILED, handle_interrupts
+from mlivr_gym.errors import MlivrError
+
+
+@pytest.fixture(autouse=True)
+def interrupts_are_not_ignored():
+    """A shell that starts the tests in the background makes them ignore Ctrl-C."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def interrupted_then(error):
+    """A library that makes another error of an interruption."""
+    try:
+        signal.raise_signal(signal.SIGINT)
+    except KeyboardInterrupt:
+        raise error from None
+
+
+def test_an_interruption_stays_one_whatever_a_library_makes_of_it():
+    before = sys.unraisablehook, signal.getsignal(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt), handle_interrupts():
+        signal.raise_signal(signal.SIGINT)
+    assert (sys.unraisablehook, signal.getsignal(signal.SIGINT)) == before
+    with pytest.raises(KeyboardInterrupt), handle_interrupts():
+        interrupted_then(RuntimeError("no compiled object yet"))
+    # What the package itself has to say, such as that a checkpoint cannot be written, is said.
+    with pytest.raises(MlivrError, match="cannot write"), handle_interrupts():
+        interrupted_then(MlivrError("cannot write"))
+    with pytest.raises(RuntimeError), handle_interrupts():
+        raise RuntimeError
+
+
+@pytest.mark.parametrize("told", ["", "two of three done"])
+@pytest.mark.parametrize("is_command", [True, False])
+def test_nothing_is_printed_after_the_word_that_a_command_was_interrupted(
+    run, monkeypatch, is_command, told
+):
+    """By threads and libraries as Python ends; a program that calls `main` may print on."""
+    silenced = []
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", Mock(side_effect=KeyboardInterrupt(told)))
+    monkeypatch.setattr("mlivr_gym.cli.main.is_command", lambda: is_command)
+    monkeypatch.setattr("mlivr_gym.cli.main.silence", lambda: silenced.append(True))
+    assert run("plan") == (130, "", f"mlivr-gym: {told or 'interrupted'}\n")
+    assert silenced == [True] * is_command
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError("x.so: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+    ],
+)
+def test_too_little_memory_is_said_in_one_line(run, monkeypatch, error):
+    """Of processes that really have too little, libraries in C end some before this is said."""
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", Mock(side_effect=error))
+    code, out, err = run("plan --json --start D2a:4 D2b:4 --goal 6 0 0")
+    assert code == json.loads(out)["exit_code"] == FAILED
+    (line,) = err.splitlines()
+    assert line.startswith("mlivr-gym: the memory that this process may use is not enough")
+
 
 SCRIPT = """\
 import re, sys
@@ -87,31 +154,17 @@ def test_the_processes_of_a_study_say_nothing(interrupted, tmp_path):
     assert end == (130, "", "mlivr-gym: interrupted\n")
 
 
-def test_an_interruption_in_a_callback_ends_the_command():
-    """Python would print it there, and go on."""
-    code = """
-import signal, weakref
-from mlivr_gym.cli.exits import handle_interrupts
-signal.signal(signal.SIGINT, signal.default_int_handler)
+IN_A_CALLBACK = """
 class Thing: pass
 with handle_interrupts():
     thing = Thing()
     watch = weakref.ref(thing, lambda _: signal.raise_signal(signal.SIGINT))
     del thing
-print("went on")
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (130, "")
-    assert done.stderr == "mlivr-gym: interrupted\n"
 
+"""Python would print it there, and go on."""
 
-@pytest.mark.parametrize("before", [0, 1])
-def test_an_interruption_ends_what_does_not_respond(before):
-    """As compiled code; also one that comes after another that was handled, as while saving."""
-    code = f"""
-import ctypes, os, signal, threading
-from mlivr_gym.cli.exits import handle_interrupts
-signal.signal(signal.SIGINT, signal.default_int_handler)
+IN_COMPILED_CODE = """
 with handle_interrupts(0.1):
     for _ in range({before}):
         try:
@@ -120,7 +173,21 @@ with handle_interrupts(0.1):
             pass
     signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])  # of this thread alone
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-    ctypes.CDLL(None).sleep(20)
+    ctypes.CDLL(None).sleep(600)
+"""
+
+"""It does not respond; the interruption may come after one that was handled, as while saving."""
+
+
+@pytest.mark.parametrize(
+    "code", [IN_A_CALLBACK, *(IN_COMPILED_CODE.format(before=before) for before in (0, 1))]
+)
+def test_an_interruption_ends_the_command_wherever_it_comes(code):
+    code = f"""
+import ctypes, os, signal, threading, weakref
+from mlivr_gym.cli.exits import handle_interrupts
+signal.signal(signal.SIGINT, signal.default_int_handler)
+{code}
 print("went on")
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
