@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from mlivr_gym import Box
 from mlivr_gym.collisions import box_distances
+from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.hits import (
@@ -90,6 +91,8 @@ def test_a_path_is_blocked_by_what_was_seen_since_the_graph_was_told(seen, plan,
     assert belief.graph.obstacles
     assert not belief.is_blocked(trajectory, 0)  # the next one is planned among what the graph has
     assert not belief.update_graph(state)
+    with pytest.raises(SettingError, match="sample is -1; it must be a whole number from 0"):
+        belief.is_blocked(trajectory, -1)
     belief.add_hits(places + np.array([0.0, 0.0, 4.0]))
     assert not belief.is_blocked(trajectory, last)  # far away
     belief.add_hits(places + 0.05 * normal)
@@ -168,11 +171,7 @@ def test_a_hit_belongs_to_a_box_up_to_five_deviations_from_it(noise):
     for share, count in ((0.99, 0), (1.01, 200)):
         on[np.arange(200), axis] = sign * (half[axis] + share * most)
         assert len(unexplained(centre + on @ turn.T, [far, box], noise)) == count
-
-
-def test_hits_without_boxes_are_all_unexplained():
-    hits = np.random.default_rng(0).uniform(size=(50, 3))
-    np.testing.assert_array_equal(unexplained(hits, [], 0.0), hits)
+    np.testing.assert_array_equal(unexplained(on, [], noise), on)
 
 
 def test_cubes_are_those_of_the_hits_counted_one_by_one():

@@ -7,11 +7,13 @@ from loop_walks import GOAL, START
 
 from mlivr_gym import Box, MlivrError
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.belief import CELL, GRID_BORDER, Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv, ReplanningPolicy
 from mlivr_gym.extensions.closed_loop.hits import CUBE
 from mlivr_gym.extensions.closed_loop.sensing_robot import ATTEMPTS
+from mlivr_gym.extensions.closed_loop.things import unknown_things
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.step_executor import MEASURES
 
@@ -164,3 +166,28 @@ def test_fixed_tasks_have_fixed_things(env):
 def test_bad_arguments_are_named(arguments, message):
     with pytest.raises(MlivrError, match=message):
         ClosedLoopEnv(**arguments)
+
+
+def test_things_leave_the_graph_if_planning_among_them_fails(empty, monkeypatch):
+    def fails(*_, **__):
+        raise SettingError("planning fails")
+
+    monkeypatch.setattr(empty, "boxes", 1)
+    monkeypatch.setattr(Planner, "plan", fails)
+    with pytest.raises(SettingError, match="planning fails"):
+        empty.reset(seed=0, options=TASK)
+    assert not empty.graph.obstacles
+
+
+def test_an_episode_that_begins_at_the_goal_ends_there(empty):
+    goal = empty.graph.configuration(empty.graph.state(START))[0].tolist()
+    _, info = empty.reset(seed=0, options={"start": START, "goal": goal})
+    assert (info["is_success"], info["fewest_steps"]) == (True, 0)
+    *_, ended, _, info = empty.step(first_action(empty))
+    assert ended
+    assert info["is_success"]
+
+
+def test_more_plates_than_free_points_are_refused(env):
+    with pytest.raises(SettingError, match="plates is 400"):
+        unknown_things(env.graph, env.graph.state(START), np.random.default_rng(0), 0, 400)

@@ -4,22 +4,20 @@ import mujoco
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
+from loop_walks import BAG, GOAL, START
 from PIL import Image
 
-from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import MlivrError, RenderError
 from mlivr_gym.extensions.closed_loop import film as filming
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
-from mlivr_gym.extensions.closed_loop.film import closed_loop_film
+from mlivr_gym.extensions.closed_loop.film import closed_loop_film, news_at
 from mlivr_gym.extensions.closed_loop.hits import CUBE
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
-from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord, Footage
+from mlivr_gym.extensions.closed_loop.record import STOPPED, ClosedLoopRecord, Event, Footage
 from mlivr_gym.pictures import rendering
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
-START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
-BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
 SPEED, SIZE = 10.0, (160, 120)
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 
@@ -34,11 +32,6 @@ class WatchedCamera(DepthCamera):
 
 
 HITS = []
-
-
-@pytest.fixture(scope="module")
-def graph(jem):
-    return stance_graph(jem)
 
 
 @pytest.fixture(scope="module")
@@ -111,14 +104,9 @@ def test_a_picture_shows_what_was_seen_by_then(drawn):
             covered |= (np.abs(before - centre) <= half + 1e-6).all(axis=1)
         assert covered[hits[number] >= 9].all()
         assert covered.any()
+        (pale,) = boxes_of(geoms, filming.UNKNOWN_OPACITY)  # the unknown box
+        np.testing.assert_allclose(pale, (BAG.centre, BAG.half), atol=1e-6)
     assert len(set(counts)) > 4  # what is seen changes along the film
-
-
-def test_the_unknown_box_is_pale(drawn):
-    for _, (_, geoms, _), _ in drawn:
-        ((centre, half),) = boxes_of(geoms, filming.UNKNOWN_OPACITY)
-        np.testing.assert_allclose(centre, BAG.centre, atol=1e-6)
-        np.testing.assert_allclose(half, BAG.half, atol=1e-6)
 
 
 def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record):
@@ -135,6 +123,10 @@ def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record
         f"{record.duration:.0f} s of {record.duration:.0f} s (x10)",
         "stopped: no arrival within 2 attempted steps",
     )
+    events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
+    proved = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
+    told = ["", "stopped, with a proof that there is no plan: no way"]
+    assert [news_at(proved, time) for time in (2.0, 3.0)] == told
 
 
 def test_no_motion_is_missing(graph, record):

@@ -15,11 +15,12 @@ from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
 from mlivr_gym.extensions.closed_loop.record import (
     ARRIVED,
     FAILED,
+    LINES,
     STOPPED,
     ClosedLoopRecord,
     Footage,
 )
-from mlivr_gym.extensions.closed_loop.sensing_robot import ATTEMPTS
+from mlivr_gym.extensions.closed_loop.sensing_robot import NOTICED
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.robot.specification import robot_spec
 from mlivr_gym.simulation.controller import PAPER
@@ -44,19 +45,6 @@ def test_without_surprises_it_takes_the_steps_of_the_plan(graph, plan):
     assert 0.0 < record.peak_force < 100.0
 
 
-def test_a_refused_point_is_tried_again_then_avoided(graph, plan):
-    limb, point = plan.actions[0]
-    record = run_closed_loop(graph, START, GOAL, refusing=[point], max_steps=ATTEMPTS + 1)
-    assert record.steps == 1
-    assert record.refused == (point,)
-    refused = [event.values for event in record.events if event.kind == "refused"]
-    assert [value["point"] for value in refused] == [point] * ATTEMPTS
-    assert refused[0] == {"limb": limb, "point": point, "failure": "refused grasp"}
-    assert all(point != event.values["point"] for event in record.events if event.kind == "step")
-    assert graph.occupied == frozenset()  # the graph is as it was
-    assert graph.obstacles == ()
-
-
 def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
     limb, point = plan.actions[0]
     prepared = StepExecutor.prepared
@@ -72,16 +60,6 @@ def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
     assert record.refused == (point,)
     blocked = [event.values for event in record.events if event.kind == "blocked"]
     assert blocked == [{"limb": limb, "point": point, "failure": "no swing"}]
-
-
-def test_it_sees_what_is_in_its_way_and_goes_round(graph):
-    blind = run_closed_loop(graph, START, GOAL, unknown=[BAG])
-    assert blind.outcome == FAILED
-    assert "bag" in blind.reason
-    seeing = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=CAMERA)
-    assert seeing.outcome == ARRIVED
-    assert seeing.sensed
-    assert graph.obstacles == ()
 
 
 def test_the_same_seed_gives_the_same_walk(graph):
@@ -174,7 +152,7 @@ def test_it_takes_no_more_steps_than_it_may_or_needs(graph):
     assert (record.outcome, record.steps) == (STOPPED, 1)
     here = graph.posture_of(graph.state(START)).base_position[0]
     record = run_closed_loop(graph, START, here.tolist())
-    assert (record.outcome, record.steps) == (ARRIVED, 0)
+    assert (record.outcome, record.steps, record.footage) == (ARRIVED, 0, None)
 
 
 @pytest.mark.parametrize(
@@ -209,6 +187,7 @@ def test_an_error_of_the_cameras_is_raised_and_the_graph_is_as_it_was(graph, mon
     assert graph.obstacles == ()
 
 
+UNKNOWN = ["--unknown", *map(str, BAG.bounds.ravel())]
 WALK = ["walk", "--start", *START, "--goal", "2.8", "0.0", "0.0"]
 
 
@@ -227,7 +206,7 @@ def test_it_tells_and_writes_what_happened(tmp_path, capsys, graph, monkeypatch)
     plan = Planner(graph).plan(START, (2.8, 0.0, 0.0), "steps").unwrap()
     refusing = plan.actions[0][1]
     monkeypatch.setattr(depth_camera, "DepthCamera", CoarseCamera)
-    code = main([*WALK, "--unknown", *map(str, BAG.bounds.ravel()), "--refusing", refusing, *files])
+    code = main([*WALK, *UNKNOWN, "--refusing", refusing, *files])
     lines = capsys.readouterr().out.splitlines()
     record = json.loads(out.read_text())
     assert (code, record["outcome"]) == (0, "arrived")
@@ -258,3 +237,14 @@ def test_a_film_and_a_controller_are_asked_for_before_the_walk(tmp_path, capsys,
     assert asked[0]["setup"].controller == PAPER
     assert "no film: the robot did not move" in capsys.readouterr().out
     assert not list(tmp_path.iterdir())
+
+
+def test_each_kind_of_failure_that_is_noticed_has_its_line():
+    values = {"limb": 1, "point": "D2a:4", "failure": "missed grasp"}
+    for failure, kind in NOTICED.items():
+        assert "limb 1" in LINES[kind].format(**values | {"failure": failure})
+
+
+def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
+    assert main(["walk", "--start", *START, "--goal", *map(str, GOAL), *UNKNOWN, "--blind"]) == 1
+    assert "collision" in capsys.readouterr().out

@@ -182,5 +182,10 @@ def test_what_the_environment_cannot_do_is_refused(small_map, env):
     for wrong in ({"grasp_failure": 0.1}, {"dynamics": "mujoco", "collisions": True}):
         with pytest.raises(SettingError, match="dynamics='kinematic' and grasp_failure=0"):
             UnknownMapEnv(**given | wrong)
+    with pytest.raises(SettingError, match="look_cost"):
+        UnknownMapEnv(look_cost=-1.0, **given)
+    env.reset(seed=0)
+    with pytest.raises(SettingError, match=str(env.action_space.n)):
+        env.step(env.action_space.n)
     with pytest.raises(SettingError, match="UnknownMapEnv has another action"):
         evaluate(env, ExpertPolicy(), 1)
