@@ -61,20 +61,14 @@ def refused(load):
     return read
 
 
-def archive_of(record, path):
-    """An archive with all arrays of a record."""
+@pytest.mark.parametrize("is_played", [False, True])
+def test_a_recording_runs_no_code(tmp_path, walk, trapped, is_played):
+    record, load, path = Recording, load_recording, tmp_path / "walk.npz"
+    if is_played:
+        frames = pytest.importorskip("mlivr_gym.extensions.viewer.frames")
+        record, load = frames.Frames, lambda path: frames.load_frames(path, walk)
     np.savez(path, **{field.name: np.zeros(3) for field in fields(record)})
-    return path
-
-
-def test_a_recording_runs_no_code(tmp_path, trapped):
-    trapped(archive_of(Recording, tmp_path / "walk.npz"), refused(load_recording))
-
-
-def test_a_recording_that_is_played_runs_no_code(tmp_path, walk, trapped):
-    frames = pytest.importorskip("mlivr_gym.extensions.viewer.frames")
-    path = archive_of(frames.Frames, tmp_path / "walk.npz")
-    trapped(path, refused(lambda path: frames.load_frames(path, walk)))
+    trapped(path, refused(load))
 
 
 @pytest.mark.parametrize("mapped", [False, True])

@@ -167,6 +167,17 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path, monkeypatch, ca
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_a_pipe_is_written_into(tmp_path):
+    pipe, got = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    write_whole(pipe, "new")
+    reader.join(60)
+    assert got == [b"new"]
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
 def contents(folder):
     return {path.name: path.read_text() for path in folder.iterdir()}
 
@@ -185,11 +196,6 @@ def write_three(folder):
         for name in ("a", "new", "b"):
             write_whole(folder / name, f"new {name}")
             assert contents(folder).get(name) != f"new {name}"
-
-
-def test_files_are_written_together(old_files):
-    write_three(old_files)
-    assert contents(old_files) == {name: f"new {name}" for name in ("a", "b", "new")}
 
 
 @pytest.mark.parametrize("error", [OSError(errno.EPERM, "not permitted"), KeyboardInterrupt()])
@@ -222,6 +228,9 @@ def test_all_files_are_written_or_none(old_files, monkeypatch, call, after, erro
     assert len(calls) > after
     assert contents(old_files) == {"a": "old a", "b": "old b"}
     assert told() == before  # a private file is private still
+    monkeypatch.undo()
+    write_three(old_files)
+    assert contents(old_files) == {name: f"new {name}" for name in ("a", "b", "new")}
 
 
 def test_other_threads_do_not_wait_for_a_block(old_files):

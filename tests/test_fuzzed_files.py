@@ -19,14 +19,10 @@ from mlivr_gym.planners import Plan
 from mlivr_gym.world.boxes import Box, load_obstacles
 
 JEM = json.loads(asset_path("jem.json").read_text(encoding="utf-8"))
+TURN = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
 BOXES = [
     {"id": "cargo", "min": [5, 0, 0], "max": [6, 1, 1]},
-    {
-        "id": "turned",
-        "centre": [5, 0, 0],
-        "half": [1, 1, 1],
-        "rotation": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
-    },
+    {"id": "turned", "centre": [5, 0, 0], "half": [1, 1, 1], "rotation": TURN},
 ]
 POINT = {"id": "P", "face": "deck", "position": [1, 0, -1], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 MODULE = (
@@ -83,12 +79,9 @@ def plan(walk):
     return json.loads(json.dumps(data))
 
 
-@pytest.mark.parametrize("kind", FILES)
-def test_the_files_are_valid(tmp_path, kind):
-    assert loaded(LOADERS[kind], tmp_path / "x.json", json.dumps(FILES[kind]).encode()) is not None
-
-
-def test_the_files_of_the_repository_are_valid(jem):
+def test_the_files_and_those_of_the_repository_are_valid(tmp_path, jem):
+    for kind, data in FILES.items():
+        assert loaded(LOADERS[kind], tmp_path / "x.json", json.dumps(data).encode()) is not None
     assert same_map(asset_path("jem.json")).fingerprint == jem.fingerprint
     walk = Path(__file__).parent.parent / "results" / "walk" / "plan.json"
     assert Plan.load(walk, jem).steps

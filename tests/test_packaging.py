@@ -50,16 +50,11 @@ def contents(wheel):
         }
 
 
-def test_the_wheel_has_one_top_level_package(built):
-    assert {name.split("/")[0] for name in contents(built[1])} == {"mlivr_gym"}
-
-
-def test_wheels_from_sdist_and_tree_are_equal(built):
+def test_the_wheel_holds_one_package_with_every_module_and_asset(built):
+    """Whether it is built from the tree or from the sdist."""
     assert contents(built[0]) == contents(built[1])
-
-
-def test_the_wheel_holds_every_module_and_asset(built):
     names = set(contents(built[1]))
+    assert {name.split("/")[0] for name in names} == {"mlivr_gym"}
     for folder in ("mlivr_gym", "planners", "agents", "envs_assets"):
         prefix = "mlivr_gym" if folder == "mlivr_gym" else f"mlivr_gym/{folder}"
         for path in (ROOT / folder).iterdir():
@@ -67,14 +62,10 @@ def test_the_wheel_holds_every_module_and_asset(built):
                 assert f"{prefix}/{path.name}" in names
 
 
-def test_the_sdist_has_no_links_out_of_itself(built):
-    with tarfile.open(built[2]) as archive:
-        assert all(not (member.issym() or member.islnk()) for member in archive.getmembers())
-
-
-def test_the_sdist_has_no_tests(built):
+def test_the_sdist_has_no_links_out_of_itself_and_no_tests(built):
     """They need the pages and the experiments, so they run in the repository alone."""
     with tarfile.open(built[2]) as archive:
+        assert all(not (member.issym() or member.islnk()) for member in archive.getmembers())
         names = [name.split("/", 1)[-1] for name in archive.getnames()]
     assert "MANIFEST.in" in names
     assert not [name for name in names if name.startswith("tests")]
@@ -107,22 +98,16 @@ def test_bare_folders_refuse_to_be_imported(name):
     assert done.stderr.strip().splitlines()[-1].startswith(f"ImportError: import mlivr_gym.{name}:")
 
 
-def requirements(names):
-    return {requirement.name: requirement for requirement in map(Requirement, names)}
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+CORE = {one.name: one for one in map(Requirement, PROJECT["dependencies"])}
 
 
-@pytest.fixture(scope="module")
-def project():
-    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-
-
-def test_the_core_is_light_and_takes_any_newer_mujoco(project):
-    core = requirements(project["dependencies"])
+def test_the_core_is_light_and_takes_any_newer_mujoco():
     heavy = {"pin", "coal", "torch", "dm-control", "stable-baselines3", "sb3-contrib", "minari"}
-    assert not heavy & set(core)
-    assert {s.operator for s in core["mujoco"].specifier} == {">="}
-    assert Version("4.0.0") in core["mujoco"].specifier
-    assert Version("3.16.0") not in core["mujoco"].specifier
+    assert not heavy & set(CORE)
+    assert {s.operator for s in CORE["mujoco"].specifier} == {">="}
+    assert Version("4.0.0") in CORE["mujoco"].specifier
+    assert Version("3.16.0") not in CORE["mujoco"].specifier
 
 
 def script(name):
@@ -144,20 +129,19 @@ def bounds(specifiers):
     return Version(oldest)
 
 
-def test_project_doctor_and_pages_tell_the_same_versions(project):
+def test_project_doctor_and_pages_tell_the_same_versions():
     """Doctor knows what was tested; the project allows nothing older, and the pages say it."""
     told = {name: tuple(map(Version, ends)) for name, ends in TESTED.items()}
-    core = requirements(project["dependencies"])
-    assert told.keys() - {"Python"} == core.keys()
-    for name, requirement in core.items():
+    assert told.keys() - {"Python"} == CORE.keys()
+    for name, requirement in CORE.items():
         oldest, newest = told[name]
         assert bounds(requirement.specifier) == oldest, name
         assert newest in requirement.specifier, name
     oldest, newest = TESTED["Python"]
-    assert project["requires-python"] == f">={oldest}"
+    assert PROJECT["requires-python"] == f">={oldest}"
     minors = range(Version(oldest).minor, Version(newest).minor + 1)
     python = "Programming Language :: Python :: 3"
-    classified = [one for one in project["classifiers"] if one.startswith(python)]
+    classified = [one for one in PROJECT["classifiers"] if one.startswith(python)]
     assert classified == [python, *(f"{python}.{minor}" for minor in minors)]
     pages = [ROOT / "README.md", ROOT / "docs" / "install.md"]
     readme, install = [path.read_text(encoding="utf-8") for path in pages]
@@ -167,7 +151,7 @@ def test_project_doctor_and_pages_tell_the_same_versions(project):
     assert {name: ends for name, *ends in rows} == {n: list(ends) for n, ends in TESTED.items()}
 
 
-def test_the_exact_versions_were_tested_and_lower_bounds_are_all_listed(project):
+def test_the_exact_versions_were_tested_and_lower_bounds_are_all_listed():
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     exact = dict(line.split("==") for line in lines if "==" in line)
     for name, (oldest, newest) in TESTED.items():
@@ -175,8 +159,8 @@ def test_the_exact_versions_were_tested_and_lower_bounds_are_all_listed(project)
             found = Version(exact[name])
             assert Version(oldest) <= found, name
             assert found.release[:2] <= Version(newest).release, name
-    listed = dict(line.split("==") for line in script("oldest").oldest(project))
-    for name, requirement in requirements(project["dependencies"]).items():
+    listed = dict(line.split("==") for line in script("oldest").oldest(PROJECT))
+    for name, requirement in CORE.items():
         assert Version(listed[name]) == bounds(requirement.specifier)
     assert {"torch", "viser", "dask"} <= listed.keys()
     assert not {"ruff", "sphinx"} & listed.keys()
@@ -195,9 +179,9 @@ def test_what_readme_links_to_is_there_and_absolute_in_a_release(release):
     targets = [path.split("#")[0] for _, _, path in release.LINK.findall(text)]
     assert len(targets) > 10
     assert not [path for path in targets if not (ROOT / path).exists()]
-    made = release.absolute(text, "https://example.org/o/mlivr-gym", "v1.2.3")
-    assert not release.LINK.findall(made)
     base = "https://example.org/o/mlivr-gym"
+    made = release.absolute(text, base, "v1.2.3")
+    assert not release.LINK.findall(made)
     assert f"]({base}/raw/v1.2.3/results/walk/walk.gif)" in made
     assert f"]({base}/blob/v1.2.3/docs/tour.md)" in made
 

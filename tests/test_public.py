@@ -25,12 +25,8 @@ HIDDEN = {"compiled", "postures", "transitions"}
 
 EXTENSIONS = sorted(path.parent.name for path in PACKAGE.glob("extensions/*/__init__.py"))
 
-
-SHOWN = [
-    "mlivr_gym",
-    *(f"mlivr_gym.{name}" for name in FACES),
-    *(f"mlivr_gym.extensions.{name}" for name in EXTENSIONS),
-]
+SHOWN = [f"mlivr_gym.{name}" for name in FACES]
+SHOWN += ["mlivr_gym", *(f"mlivr_gym.extensions.{name}" for name in EXTENSIONS)]
 """The packages that show names."""
 
 
@@ -70,13 +66,8 @@ def test_a_package_shows_few_names_and_each_is_there(package):
     for name in module.__all__:
         with suppress(ImportError):  # of an extra that is not installed
             assert getattr(module, name) is not None
-
-
-@pytest.mark.parametrize("package", SHOWN)
-def test_no_name_is_that_of_a_module_which_would_hide_it(package):
-    module = import_module(package)
     files = {path.stem for folder in module.__path__ for path in Path(folder).iterdir()}
-    assert not files & set(module.__all__)
+    assert not files & set(module.__all__), "the module would hide the name"
 
 
 def test_every_package_shows_names_or_is_hidden():
@@ -93,18 +84,14 @@ def test_code_with_kernels_imports_no_package():
                 assert module not in SHOWN or name not in import_module(module).__all__, path
 
 
-@pytest.mark.parametrize("page", pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_pages_import_from_packages(page):
-    for block in blocks(page):
-        if block.language == "python":
-            assert not private_imports(block.text.replace(">>> ", "").replace("... ", "    "))
-
-
-@pytest.mark.parametrize(
-    "path", sorted((ROOT / "examples").glob("*.py")), ids=lambda path: path.stem
-)
-def test_examples_import_from_packages(path):
-    assert not private_imports(path.read_text(encoding="utf-8"))
+def test_pages_and_examples_import_from_packages():
+    for page in pages():
+        for block in blocks(page):
+            if block.language == "python":
+                text = block.text.replace(">>> ", "").replace("... ", "    ")
+                assert not private_imports(text), page
+    for path in (ROOT / "examples").glob("*.py"):
+        assert not private_imports(path.read_text(encoding="utf-8")), path
 
 
 MOST_PRIVATE = {"experiments": 94, "mlivr_gym/extensions": 68}

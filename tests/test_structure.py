@@ -52,13 +52,8 @@ PRIVATE = {"compiled.kernels", "compiled.machine_code"}
 
 @cache
 def sources():
-    folders = [
-        PACKAGE,
-        ROOT / "planners",
-        ROOT / "agents",
-        ROOT / "envs_assets",
-        ROOT / "experiments",
-    ]
+    names = "mlivr_gym", "planners", "agents", "envs_assets", "experiments"
+    folders = [ROOT / name for name in names]
     paths = {path.resolve() for folder in folders for path in folder.rglob("*.py")}
     return sorted(paths)
 
@@ -212,10 +207,8 @@ def test_no_circle():
         if path.name == "__init__.py":
             continue
         graph.add_edges_from((module_of(path), other) for other in imports_of(path))
-    circles = [
-        sorted(part) for part in networkx.strongly_connected_components(graph) if len(part) > 1
-    ]
-    assert not circles
+    parts = networkx.strongly_connected_components(graph)
+    assert not [sorted(part) for part in parts if len(part) > 1]
 
 
 def lines_of(node):
@@ -226,19 +219,12 @@ def lines_of(node):
     return node.end_lineno - node.lineno + 1 - said
 
 
-def test_files_are_short():
-    """How wide they are is up to Ruff."""
-    assert not [
-        module_of(path)
-        for path in sources()
-        if len(path.read_text(encoding="utf-8").splitlines()) > MOST_LINES
-    ]
-
-
-def test_functions_are_short_and_take_few_parameters():
-    """Constructors excepted for parameters; options are keyword-only."""
+def test_files_and_functions_are_short_and_take_few_parameters():
+    """Constructors excepted for parameters; options are keyword-only. Ruff looks at the width."""
     long, many = {}, {}
     for path in sources():
+        if (count := len(path.read_text(encoding="utf-8").splitlines())) > MOST_LINES:
+            long[module_of(path)] = count
         for name, node, method in functions(path):
             place = module_of(path), name
             if lines_of(node) > MOST_FUNCTION_LINES:
@@ -256,39 +242,26 @@ def kernels():
     return [(path, node) for path in sources() for _, node, _ in functions(path) if is_kernel(node)]
 
 
-def test_kernels_take_few_parameters_on_average():
-    counts = [len(node.args.args) for _, node in kernels()]
-    assert len(counts) > 100
-    assert sum(counts) / len(counts) <= MEAN_OF_KERNELS
-
-
-def test_nothing_is_kept_from_the_formatter_where_kernels_are():
-    kept = [
-        path.name
-        for path in sorted({path for path, _ in kernels()})
-        if "fmt: " in path.read_text(encoding="utf-8")
-    ]
-    assert not kept
-
-
-def test_kernels_read_by_name():
+def test_kernels_take_few_parameters_and_read_by_name():
     """Whole numbers as indices are coordinates, or the one row of an array of records."""
-    by_position = []
+    counts, by_position = [], []
     for path, node in kernels():
+        assert "fmt: " not in path.read_text(encoding="utf-8"), "it is kept from the formatter"
+        counts.append(len(node.args.args))
         for inner in ast.walk(node):
             if isinstance(inner, ast.Subscript) and isinstance(inner.slice, ast.Constant):
                 number = inner.slice.value
                 if isinstance(number, int) and number > 5:
                     by_position.append((path.name, node.name, ast.unparse(inner)))
     assert not by_position
+    assert len(counts) > 100
+    assert sum(counts) / len(counts) <= MEAN_OF_KERNELS
 
 
 def test_nothing_private_of_the_compiler_is_used():
     private = re.compile(r"_nrt|llvmlite|numba\.core\.(?!event)|\._cache\b|\._compile_for_args")
-    found = [
-        module_of(path) for path in sources() if private.search(path.read_text(encoding="utf-8"))
-    ]
-    assert set(found) == PRIVATE
+    using = [path for path in sources() if private.search(path.read_text(encoding="utf-8"))]
+    assert {module_of(path) for path in using} == PRIVATE
 
 
 def test_bits_are_taken_apart_in_one_module():

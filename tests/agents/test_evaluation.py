@@ -1,15 +1,28 @@
-"""What counts as a success: the goal was reached, and nothing else."""
+"""Policies without training, and what counts as a success: the goal was reached, nothing else."""
 
+import copy
 import itertools
 import math
+from functools import partial
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mlivr_gym.agents import EvaluationTask, ExpertPolicy, RandomPolicy, evaluate
+from mlivr_gym.agents import (
+    EvaluationTask,
+    ExpertPolicy,
+    RandomPolicy,
+    baseline_policy,
+    evaluate,
+    planner_policy,
+)
 from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.rewards import REWARDS
+from mlivr_gym.errors import SettingError
+from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv, ReplanningPolicy
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.parameters import Physics
 
@@ -24,27 +37,21 @@ class First:
         return int(np.flatnonzero(mask == self.valid)[0])
 
 
-def test_an_episode_that_is_cut_off_is_no_success(env):
+@pytest.mark.parametrize("valid", [True, False])
+def test_an_invalid_action_and_an_episode_that_is_cut_off_are_no_success(env, valid):
     """From starts that no single step joins with the goal."""
-    planner, tasks = Planner(env.graph), []
+    planner, tasks, executed = Planner(env.graph), [], []
     for seed in range(40):
         env.reset(seed=seed)
         plan = planner.plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
         if len(plan.steps) > 1:
             tasks.append(EvaluationTask(plan.stances[0], tuple(env.goal)))
-    result = evaluate(env, RandomPolicy(0), tasks, max_steps=1)
+    result = evaluate(env, First(valid), tasks, max_steps=1, execute=lambda *_: executed.append(1))
     assert len(tasks) > 10
     assert not result.success.any()
     assert (result.steps == 1).all()
-
-
-def test_an_invalid_action_is_no_success(env):
-    executed = []
-    result = evaluate(env, First(valid=False), 5, execute=lambda *given: executed.append(given))
-    assert not result.success.any()
-    assert (result.steps == 1).all()
     assert not executed
-    assert (result.base_translation == 0.0).all()
+    assert ((result.base_translation > 0.0) == valid).all()
     assert np.isnan(result.executed).all()
 
 
@@ -79,23 +86,6 @@ def test_a_simulated_step_that_fails_is_no_success(small_map):
     assert not executed
 
 
-def test_reaching_the_goal_is_a_success_and_the_walk_is_told(env):
-    walks = []
-    env.reset(seed=1)
-    plan = Planner(env.graph).plan(env.state.stance, env.goal.tolist(), "steps").unwrap()
-
-    class Follow:
-        def act(self, env, observation, mask):
-            limb, point = plan.actions[env.steps]
-            return limb * len(env.graph.grasp_map) + env.graph.grasp_map.index(point)
-
-    tasks = [EvaluationTask(plan.stances[0], plan.query.goal)]
-    result = evaluate(env, Follow(), tasks, execute=lambda env, states: walks.append(states))
-    assert result.success.all()
-    assert result.steps.tolist() == [len(plan.steps)]
-    assert [env.graph.ids(state.stance) for state in walks[0]] == list(plan.stances)
-
-
 def test_tasks_are_evaluated_with_their_points_occupied(env):
     planner = Planner(env.graph)
     for seed in range(20):
@@ -111,17 +101,18 @@ def test_tasks_are_evaluated_with_their_points_occupied(env):
     assert other is not None
     tasks = [EvaluationTask(start, tuple(goal)), EvaluationTask(start, tuple(goal), (taken,))]
     seen = []
-    result = evaluate(
-        env,
-        ExpertPolicy(),
-        tasks,
-        execute=lambda world, states: bool(seen.append(states) or len(seen) == 1),
-    )
+
+    def execute(world, states):
+        seen.append(states)
+        return len(seen) == 1
+
+    result = evaluate(env, planner_policy("steps"), tasks, execute=execute)
     assert result.success.all()
     assert result.executed.tolist() == [1.0, 0.0]
     assert env.graph.occupied == frozenset()
     assert result.steps.tolist() == [len(plan.steps), len(other.steps)]
     point = env.graph.grasp_map.index(taken)
+    assert [env.graph.ids(state.stance) for state in seen[0]] == list(plan.stances)
     assert all(point not in state.stance for state in seen[1])
 
 
@@ -166,3 +157,135 @@ def test_bootstrap_interval_of_a_mean():
         values = rng.normal(5.0, 2.0, 400)
         ends.append((np.array(bootstrap(values)) - values.mean()) / (values.std() / 20.0))
     np.testing.assert_allclose(np.mean(ends, axis=0), [-1.96, 1.96], rtol=0.04)
+
+
+def test_expert_policy_is_optimal_and_random_is_not(small_map):
+    env = MlivrEnv(map=small_map, collisions=False)
+    expert = evaluate(env, ExpertPolicy(), 20, seed=1)
+    chance = evaluate(env, RandomPolicy(0), 20, seed=1, max_steps=30)
+    assert expert.success_rate == 1.0
+    assert chance.steps.mean() > expert.steps.mean()
+    for k in range(20):
+        env.reset(seed=1 + k)
+        plan = Planner(env.graph).plan(env.state.stance, env.goal, "steps").unwrap()
+        assert expert.steps[k] == len(plan.steps)
+    with pytest.raises(SettingError, match="episodes is 0"):
+        evaluate(env, RandomPolicy(), 0)
+    with pytest.raises(SettingError, match="two limbs"):
+        evaluate(MlivrEnv(robot="mlivr3", collisions=False), ExpertPolicy(), 1)
+
+
+def test_what_an_expert_saw_before_is_of_no_matter(small_map):
+    """It answers as a new one does, whatever changes between two questions."""
+    env = MlivrEnv(map=small_map, collisions=False, grasp_failure=0.2)
+    env.reset(seed=0)
+    free = sorted(set(range(len(small_map))) - set(env.state.stance))
+    kept, answers = {expects: ExpertPolicy(expects) for expects in (True, False)}, set()
+    for change in (
+        lambda: None,
+        lambda: setattr(env, "goal", np.add(env.goal, (0.4, 0.0, 0.0))),
+        lambda: setattr(env, "goal_tolerance", 0.4),
+        lambda: setattr(env, "reward", env.reward._replace(step_reward=REWARDS["base"])),
+        lambda: setattr(env, "failure_probability", np.full(len(small_map), 0.4)),
+        lambda: env.graph.occupy(free[:3]),
+        env.graph.vacate,
+        lambda: env.reset(seed=1),
+    ):
+        change()
+        for expects, policy in kept.items():
+            told = policy.costs(env)
+            np.testing.assert_array_equal(told, ExpertPolicy(expects).costs(env))
+            answers.add((expects, told.tobytes()))
+    assert len(answers) >= 10
+
+
+@pytest.mark.parametrize("reward", ["steps", "base"])
+def test_an_expert_acts_by_its_costs(small_map, reward):
+    """Though it computes only those that it needs, and more of them after a grasp that failed."""
+    env = MlivrEnv(map=small_map, collisions=False, reward=reward, grasp_failure=0.4)
+    acting, counted = ExpertPolicy(), 0
+    for seed in range(40):
+        observation, _ = env.reset(seed=seed)
+        ended = False
+        while not ended:
+            action = acting.act(env, observation, env.action_masks())
+            costs = ExpertPolicy().costs(env)
+            assert costs[action] == pytest.approx(costs.min(), abs=1e-7)
+            observation, _, ended, _, info = env.step(action)
+            counted += int(info["grasp_failed"])
+    assert counted > 5
+
+
+def test_policies_follow_walks_to_their_end(env):
+    baselines = baseline_policy("two_level"), baseline_policy("mcts", budget=10)
+    for policy in (*baselines, planner_policy("base")):
+        assert evaluate(env, policy, 3, seed=1).success.all()
+
+
+def test_planners_go_on_after_grasps_that_fail(small_map):
+    """After a failed attempt the limb that held has fewer branches than a plan may count on."""
+    env = MlivrEnv(map=small_map, grasp_failure=0.45)
+    result = evaluate(env, planner_policy("steps"), 10, seed=26)
+    assert result.success.all()
+    assert result.failed_grasps.sum() > 5
+
+
+def learned(env):
+    return pytest.importorskip("mlivr_gym.agents.learned").load_policy("pretrained", env)
+
+
+POLICIES = {
+    "expert": lambda env: ExpertPolicy(),
+    "planner": lambda env: planner_policy("base"),
+    "local": lambda env: baseline_policy("local"),
+    "learned": learned,
+    "beam": lambda env: import_module("mlivr_gym.agents.learned").beam_policy(learned(env), 2),
+    "replanning": lambda env: ReplanningPolicy("base"),
+}
+"""Policies that draw no numbers in their episodes."""
+
+
+@pytest.mark.parametrize("way", [copy.copy, lambda one: one])
+@pytest.mark.parametrize("name", POLICIES)
+def test_a_policy_that_acted_in_another_world_acts_as_a_new_one(small_map, ladder, name, way):
+    """On another map, and on the same one before points were taken."""
+    new, make = POLICIES[name], MlivrEnv
+    if name == "replanning":
+        make = partial(ClosedLoopEnv, camera=None, boxes=0, plates=0)
+
+    def acted(policy, env):
+        observation, _ = env.reset(seed=4)
+        chosen = []
+        for _ in range(3):
+            chosen.append(policy.act(env, observation, env.action_masks()))
+            observation, *_ = env.step(chosen[-1])
+        return chosen
+
+    env = make(map=small_map)
+    policy, plain = new(env), acted(new(env), env)
+    for other in (make(map=ladder), env):
+        acted(policy, other)
+    other = way(policy)
+    env.graph.occupy([small_map.ids[plain[0] % len(small_map)]])
+    truth = acted(new(env), env)
+    assert truth != plain
+    assert acted(other, env) == truth
+
+
+def test_a_plan_is_followed_until_goal_or_world_change(env):
+    policy, plans = planner_policy("steps"), []
+    planner = Planner(env.graph)
+    for seed in range(99):
+        observation, _ = env.reset(seed=seed)
+        if len(planner.plan(env.state, env.goal, "steps").unwrap().steps) > 3:
+            break
+    for change in (None, None, "goal", "world"):
+        if change == "goal":
+            env.goal = env.goal + 0.01
+        if change == "world":
+            free = set(range(len(env.graph.grasp_map))) - set(env.state.stance)
+            env.graph.occupy([max(free)])
+        observation, *_ = env.step(policy.act(env, observation, env.action_masks()))
+        plans.append(policy.plans)
+    env.graph.vacate()
+    assert plans == [1, 1, 2, 3]

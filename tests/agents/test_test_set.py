@@ -47,9 +47,7 @@ def test_tasks_are_far_apart_inside_the_cabin_and_have_a_plan(small_map, monkeyp
     assert [sets.count(taken) for taken in dict.fromkeys(sets)] == ([4] * 3 if groups else [12])
     env = MlivrEnv(map=small_map)
     low, high = small_map.cabin
-    assert any(
-        (env.graph.base_position < low).any(axis=1) | (env.graph.base_position > high).any(1)
-    )
+    assert ((env.graph.base_position < low) | (env.graph.base_position > high)).any()
     for task in world.tasks:
         assert len(task.occupied) == (int(0.2 * len(small_map)) if groups else 0)
         env.graph.vacate()
@@ -67,12 +65,9 @@ def test_a_frozen_test_set_is_drawn_again_from_its_seed(small_map, monkeypatch, 
     monkeypatch.setattr(HeldOutWorld, "map", lambda world: small_map)
     monkeypatch.setattr("mlivr_gym.agents.test_set.MIN_START_GOAL_DISTANCE", 0.5)
     sizes = {"same": 3, "half": 8, "dense": 2, "occupied": 10}
-    one, again, other = (
-        freeze_test_set(tmp_path / name, seed, sizes)
-        for name, seed in (("a", 1), ("b", 1), ("c", 2))
-    )
-    assert one == again
-    assert one != other
+    seeds = {"a": 1, "b": 1, "c": 2}
+    one, again, other = (freeze_test_set(tmp_path / n, k, sizes) for n, k in seeds.items())
+    assert load_test_set(tmp_path / "a") == one == again != other
     assert [(w.split, w.spacing, w.sparse_seed, len(w.tasks)) for w in one] == [
         ("same", 0.2, None, 3),
         *(("half", 0.2, seed, 2) for seed in (1, 2, 3, 4)),

@@ -1,19 +1,34 @@
-"""Training by each algorithm: checkpoints, interruptions and seeds."""
+"""Training: hyperparameters, checkpoints, interruptions, seeds, and the commands."""
 
+import argparse
 import json
+from dataclasses import replace
+from unittest.mock import Mock
 
 import gymnasium
+import numpy as np
 import pytest
 import torch
 
 from mlivr_gym.agents import evaluate
-from mlivr_gym.agents.hyperparameters import METHODS, load_hyperparameters
+from mlivr_gym.agents.evaluation import Evaluation
+from mlivr_gym.agents.hyperparameters import (
+    METHODS,
+    check_hyperparameters,
+    fill_dagger,
+    load_hyperparameters,
+)
 from mlivr_gym.agents.imitation import Imitation
 from mlivr_gym.agents.learned import load_policy, made_for, save_policy
 from mlivr_gym.agents.networks import make_actor_critic
+from mlivr_gym.agents.test_set import SPLITS, load_test_set
 from mlivr_gym.agents.training import train
+from mlivr_gym.cli.evaluate import _worlds, summary_of
+from mlivr_gym.cli.main import main
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs_assets import asset_path
 from mlivr_gym.errors import SettingError
+from mlivr_gym.world.grasp_map import GraspMap
 
 
 @pytest.mark.parametrize(
@@ -52,9 +67,8 @@ def test_each_algorithm_trains_and_its_checkpoint_acts_alike(env, tmp_path, meth
     assert config["sizes"] == sizes[network]
     loaded = load_policy(tmp_path / "policy", env)
     observation, _ = env.reset(seed=0)
-    assert loaded.act(env, observation, env.action_masks()) == trained.act(
-        env, observation, env.action_masks()
-    )
+    mask = env.action_masks()
+    assert loaded.act(env, observation, mask) == trained.act(env, observation, mask)
     assert evaluate(env, loaded, 2, max_steps=5).steps.max() <= 5
 
 
@@ -81,17 +95,12 @@ def test_an_interrupted_training_leaves_what_was_learned(env, tmp_path, method, 
     assert policy.config["interrupted"] is True
     torch.manual_seed(1)
     untrained = make_actor_critic(env, "pointer", sizes["pointer"]).state_dict()
-    assert any(
-        not torch.equal(value, untrained[name])
-        for name, value in policy.actor_critic.state_dict().items()
-    )
+    trained = policy.actor_critic.state_dict()
+    assert any(not torch.equal(value, untrained[name]) for name, value in trained.items())
 
 
 def test_a_training_interrupted_at_once_overwrites_nothing(env, tmp_path, monkeypatch, short):
-    def interrupt(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(Imitation, "gather", interrupt)
+    monkeypatch.setattr(Imitation, "gather", Mock(side_effect=KeyboardInterrupt))
     settings = {"imitation": short, "networks": {"pointer": {"width": 16, "summary": 8}}}
     with pytest.raises(KeyboardInterrupt, match="nothing was written"):
         train("bc", env=env, hyperparameters=settings, out=tmp_path / "policy")
@@ -132,3 +141,94 @@ def test_a_checkpoint_states_the_arguments_of_its_environment(small_map, short):
     ).config  # fmt: skip
     assert config["env"]["reward"] == "not stored: an object of type builtins.function"
     json.dumps(config)
+
+
+SHIPPED = json.loads(asset_path("training.json").read_text())
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_shipped_ones_are_returned_as_they_are(method):
+    plain = json.loads(json.dumps(load_hyperparameters(method)))
+    assert plain == SHIPPED[method] | {"networks": SHIPPED["networks"]}
+    assert load_hyperparameters(method, asset_path("training.json")) == load_hyperparameters(method)
+
+
+def test_the_method_says_whether_the_policy_walks():
+    part = check_hyperparameters({"imitation": {"rounds": 3}, "networks": {}})
+    for method, dagger in (("bc", False), ("dagger", True)):
+        assert fill_dagger(method, part)["imitation"] == {"rounds": 3, "dagger": dagger}
+        wrong = {"imitation": {"dagger": not dagger}, "networks": {}}
+        with pytest.raises(SettingError, match=f"dagger is {not dagger}; method '{method}'"):
+            fill_dagger(method, wrong)
+    assert fill_dagger("ppo", part) == part
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "value", "words"),
+    [
+        ("bc", ("bc", "imitation", "round"), 3, "bc.imitation has an unknown field 'round'; .*mea"),
+        ("ppo", ("networks", "mlp", "net_arch"), [3, "x"], r"networks.mlp.net_arch\[1\] is 'x'"),
+        ("ppo", ("ppo",), {}, "neither imitation nor ppo"),
+        ("ppo", ("ppo",), {"ppo": {}}, "ppo.n_envs is missing; .*go together"),
+        ("bc", ("bc",), None, "bc is missing"),
+        ("bc", ("networks",), None, "networks is missing"),
+    ],
+)
+def test_a_field_that_is_faulty_or_missing_is_named(tmp_path, method, path, value, words):
+    data = json.loads(json.dumps(SHIPPED))
+    place = data
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    if value is None:
+        del place[path[-1]]
+    file = tmp_path / "hyper.json"
+    file.write_text(json.dumps(data))
+    with pytest.raises(SettingError, match=rf"^hyperparameters '.*hyper\.json': .*{words}"):
+        load_hyperparameters(method, file)
+
+
+def test_commands_train_and_evaluate(capsys, tmp_path, short, ladder_file):
+    assert GraspMap.load(ladder_file)
+    hyper = {"bc": {"imitation": short}, "networks": {"pointer": {"width": 16, "summary": 8}}}
+    (tmp_path / "hyper.json").write_text(json.dumps(hyper))
+    common = ["--map", str(ladder_file), "--no-collisions"]
+    out = tmp_path / "policy"
+    arguments = f"--method bc --hyperparameters {tmp_path / 'hyper.json'} --out {out}".split()
+    torch.set_num_threads(2)
+    assert main(["train", *common, *arguments]) == 0
+    assert torch.get_num_threads() == 1  # these small networks lose time with more
+    assert out.with_suffix(".pt").exists()
+    assert out.with_suffix(".json").exists()
+    for policy in (str(out), "expert", "mcts", "astar"):
+        assert main(["evaluate", *common, "--policy", policy, "--episodes", "2"]) == 0
+    assert "2 of 2 episodes" in capsys.readouterr().out
+    assert main(["evaluate", *common, "--policy", "magic"]) == 2
+    assert "policy is 'magic'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("split", SPLITS)
+def test_a_split_is_evaluated_with_all_its_tasks(split):
+    """Each world of the split with its own map; nothing of the other splits."""
+    worlds = [world for world in load_test_set() if world.split == split]
+    found = _worlds(argparse.Namespace(split=split, episodes=7))
+    assert [(a["map"].fingerprint, tasks) for a, tasks in found] == [
+        (world.map().fingerprint, world.tasks) for world in worlds
+    ]
+    assert _worlds(argparse.Namespace(split=None, episodes=7)) == [({}, 7)]
+
+
+def test_what_is_told_are_means_over_what_reached_the_goal():
+    """Steps and metres of the episodes that did, in all worlds; the first action of every one."""
+    one = Evaluation(
+        np.array([True, False, True]), np.array([2, 90, 5]), np.array([1.0, 9.0, 2.5]),
+        np.array([0.01, 0.02, 0.03]), np.zeros(3), np.zeros(3, dtype=int), np.full(3, np.nan),
+        np.full(3, np.nan), np.full(3, np.nan),
+    )  # fmt: skip
+    none = replace(one, success=np.zeros(3, dtype=bool))
+    other = replace(one, success=np.array([False, True, False]))
+    told = summary_of([one, other, none])
+    assert (told["episodes"], told["successes"]) == (9, 3)
+    means = told["mean_steps"], told["mean_base_translation"], told["mean_first_action_time"]
+    assert means == pytest.approx((97.0 / 3.0, 12.5 / 3.0, 0.02))
+    assert summary_of([none])["mean_steps"] is None

@@ -11,12 +11,12 @@ import pytest
 from mlivr_gym.cli import doctor
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def no_gl(monkeypatch):
     monkeypatch.setattr(doctor, "gl_fault", lambda name: "" if name == "egl" else "no library")
 
 
-def test_doctor_tells_what_is_installed(run, no_gl):
+def test_doctor_tells_what_is_installed(run):
     code, out, _ = run("doctor", "--json")
     told = json.loads(out)
     assert code == 0
@@ -25,7 +25,6 @@ def test_doctor_tells_what_is_installed(run, no_gl):
     assert told["gl"] == {"egl": "works", "glfw": "no library", "osmesa": "no library"}
 
 
-@pytest.mark.usefixtures("no_gl")
 def test_what_is_missing_is_told_with_the_command_that_installs_it(run, monkeypatch):
     needed = ["numpy>=2", "no-such-arm[x]<2,>=1; extra == 'agents'"]
     monkeypatch.setattr(doctor.metadata, "requires", lambda _: needed)
@@ -39,7 +38,6 @@ def test_what_is_missing_is_told_with_the_command_that_installs_it(run, monkeypa
     assert "no-such-core is missing: pip install 'no-such-core>=0'" in out
 
 
-@pytest.mark.usefixtures("no_gl")
 @pytest.mark.parametrize(
     ("version", "fault", "code"),
     [
@@ -97,7 +95,6 @@ def test_other_commands_name_a_broken_package_in_one_line(tmp_path):
     assert (done.returncode, done.stderr) == (1, told)
 
 
-@pytest.mark.usefixtures("no_gl")
 def test_a_cache_that_cannot_be_written_is_a_failure(run, monkeypatch, tmp_path):
     (tmp_path / "file").touch()
     monkeypatch.setenv("MLIVR_GYM_CACHE", str(tmp_path / "file" / "cache"))

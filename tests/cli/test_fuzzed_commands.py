@@ -52,6 +52,7 @@ KNOWN = {
     "case": ["3", "5", "x", "-1"],
     "split": ["same", "hard", ""],
 }
+MAP = ["--map", "map.json"]
 COMMANDS = ("plan", "info", "render", "simulate", "train", "evaluate", "dataset", "view")
 
 ROBOT = json.loads(json.dumps(RobotSpec(capsules=RobotSpec().mounted[0].capsules).to_dict()))
@@ -79,7 +80,7 @@ def pool(action):
 @st.composite
 def lines(draw, command):
     """A command with some of its options, each with values of all kinds, and too many or few."""
-    given = [command, *draw(st.sampled_from([["--map", "map.json"]] * 9 + [[], ["x"]]))]
+    given = [command, *draw(st.sampled_from([MAP] * 9 + [[], ["x"]]))]
     for action in draw(st.lists(st.sampled_from(options(command)), max_size=4)):
         given.append(action.option_strings[-1])
         count = {None: 1, "+": 2, 0: 0, "?": 0}.get(action.nargs, action.nargs)
@@ -201,7 +202,7 @@ def test_whatever_is_in_the_files_ends_as_documented(
         for file, data in (("map", world), ("robot", robot), ("obstacles", boxes)):
             (folder / f"{file}.json").write_text(json.dumps(data))
         for extra in (["--robot", "robot.json"], ["--obstacles", "obstacles.json"]):
-            check([command, "--map", "map.json", *extra], folder)
+            check([command, *MAP, *extra], folder)
 
 
 @pytest.mark.parametrize(
@@ -209,24 +210,19 @@ def test_whatever_is_in_the_files_ends_as_documented(
     [
         (["info", "a\nb"], 2),
         (["info", "--robot", "a\nb"], 2),
-        (["plan", "--map", "map.json", "--out", "new\udc80.json"], 0),
-        (["plan", "--map", "map.json", "--out", "a\0b"], 2),
+        (["plan", *MAP, "--out", "new\udc80.json"], 0),
+        (["plan", *MAP, "--out", "a\0b"], 2),
         (["evaluate", "--policy", ""], 2),
         (["evaluate", "--policy", "n" * 300], 2),
         (["train", "--method", "bc", "--out", ""], 2),
+        (["plan", *MAP, "--goal", "2.9", "0.9", "1.9"], 3),
+        (["plan", *MAP, "--start", "R9:0", "R0:1"], 2),
+        (["info", "--help"], 0),
+        (["simulate", *MAP, "--plan", "plan.json", "--no-film"], 2),
     ],
 )
-def test_what_was_found_once_ends_as_documented(quick, originals, tmp_path, given, code):
+def test_what_was_found_once_and_every_end_are_as_documented(
+    quick, originals, tmp_path, given, code
+):
     shutil.copytree(originals, tmp_path, dirs_exist_ok=True)
     assert check(given, tmp_path) == code
-
-
-def test_these_examples_reach_every_end(quick, originals, tmp_path):
-    shutil.copytree(originals, tmp_path, dirs_exist_ok=True)
-    common = ["--map", "map.json"]
-    assert check(["plan", *common, "--out", "new.json"], tmp_path) == 0
-    assert check(["plan", *common, "--goal", "2.9", "0.9", "1.9"], tmp_path) == 3
-    assert check(["plan", *common, "--start", "R9:0", "R0:1"], tmp_path) == 2
-    assert check(["info", "--help"], tmp_path) == 0
-    stopped = ["simulate", *common, "--plan", "plan.json", "--no-film"]
-    assert check(stopped, tmp_path) == 2

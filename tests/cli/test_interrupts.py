@@ -1,14 +1,49 @@
 """Ctrl-C ends a command with one line and 130 whenever it comes, and in whatever process."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 from importlib.metadata import EntryPoint
+from unittest.mock import Mock
 
 import pytest
 
 import mlivr_gym
+from mlivr_gym.cli.exits import FAILED
+
+
+@pytest.mark.parametrize("told", ["", "two of three done"])
+@pytest.mark.parametrize("is_command", [True, False])
+def test_nothing_is_printed_after_the_word_that_a_command_was_interrupted(
+    run, monkeypatch, is_command, told
+):
+    """By threads and libraries as Python ends; a program that calls `main` may print on."""
+    silenced = []
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", Mock(side_effect=KeyboardInterrupt(told)))
+    monkeypatch.setattr("mlivr_gym.cli.main.is_command", lambda: is_command)
+    monkeypatch.setattr("mlivr_gym.cli.main.silence", lambda: silenced.append(True))
+    assert run("plan") == (130, "", f"mlivr-gym: {told or 'interrupted'}\n")
+    assert silenced == [True] * is_command
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        ImportError("x.so: failed to map segment from shared object"),
+        RuntimeError("can't start new thread"),
+    ],
+)
+def test_too_little_memory_is_said_in_one_line(run, monkeypatch, error):
+    """Of processes that really have too little, libraries in C end some before this is said."""
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", Mock(side_effect=error))
+    code, out, err = run("plan --json --start D2a:4 D2b:4 --goal 6 0 0")
+    assert code == json.loads(out)["exit_code"] == FAILED
+    (line,) = err.splitlines()
+    assert line.startswith("mlivr-gym: the memory that this process may use is not enough")
+
 
 SCRIPT = """\
 import re, sys
@@ -104,7 +139,7 @@ _interrupts.watch()
 _interrupts.set_grace(0.1)
 signal.pthread_sigmask(signal.SIG_BLOCK, [_interrupts.INTERRUPT])
 threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
-ctypes.CDLL(None).sleep(20)
+ctypes.CDLL(None).sleep(600)
 print("went on")
 """
     done = alone(code)

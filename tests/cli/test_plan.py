@@ -1,10 +1,12 @@
-"""The command `plan`."""
+"""The commands `plan` and `info`."""
 
 import inspect
+import json
 import math
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.arguments import search_options
@@ -28,33 +30,23 @@ def test_the_command_searches_as_far_as_the_function():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("line", "code", "words"),
     [
-        (["--start", "D1a:4", "D2b:4"], "below the threshold"),
-        (
-            ["--goal", "9.5", "0", "0"],
-            "no stance has its base within 0.2 m of goal [9.5, 0.0, 0.0]",
-        ),
-        (["--limit", "1"], "limit reached"),
-        (["--start", "D2a:4", "D2b:4", "--occupied", "D2a:4"], "point 'D2a:4' is occupied"),
+        ("--start D1a:4 D2b:4", 3, "below the threshold"),
+        ("--goal 9.5 0 0", 3, "no stance has its base within 0.2 m of goal [9.5, 0.0, 0.0]"),
+        ("--limit 1", 3, "limit reached"),
+        ("--start D2a:4 D2b:4 --occupied D2a:4", 3, "point 'D2a:4' is occupied"),
+        # On a map without a default goal, where one is drawn.
+        ("--map LADDER --start R0:0 R0:1 --occupied R0:0", 3, "cannot be held"),
+        ("--map LADDER --start R0:0 R9:1", 2, "'R9:1'"),
     ],
 )
-def test_no_plan_gives_one_sentence_and_code_3(run, arguments, words):
-    code, _, err = run("plan", *arguments)
-    assert code == 3
+def test_no_plan_gives_one_sentence_and_code_3_and_bad_input_2(run, ladder_file, line, code, words):
+    found, _, err = run("plan " + line.replace("LADDER", str(ladder_file)))
+    assert found == code
     assert words in err
     assert err.startswith("mlivr-gym: ")
     assert err.count("\n") == 1
-
-
-def test_a_start_that_cannot_be_held_is_no_plan_also_where_the_goal_is_drawn(run, ladder_file):
-    """On a map without a default goal; but a point that is not there is bad input."""
-    code, _, err = run(f"plan --map {ladder_file} --start R0:0 R0:1 --occupied R0:0")
-    assert code == 3
-    assert "cannot be held" in err
-    code, _, err = run(f"plan --map {ladder_file} --start R0:0 R9:1")
-    assert code == 2
-    assert "'R9:1'" in err
 
 
 POINTS = "\n".join(
@@ -117,3 +109,35 @@ def test_boxes_and_occupied_points_change_the_plan_and_stay_in_its_file(run, tmp
     round_it = plan("--occupied", taken, other)
     assert round_it.world.occupied == tuple(sorted([taken, other], key=jem.index))
     assert not any(taken in stance for stance in round_it.stances)
+
+
+def test_the_module_and_its_robots_are_told(run):
+    told = json.loads(run("info", "--json")[1])
+    counts = told["map"]["points"], told["map"]["segments"], told["map"]["handrails"]
+    assert counts == (331, 46, 18)
+    assert told["stance_graph"]["pairs_within_span"] == 43540
+    text = run("info")[1]
+    assert "  pairs within span: 43540\n" in text
+    assert "\n  w_m: 0.1" in text  # a symbol, not words
+
+
+def test_every_count_of_the_stance_graph_is_that_of_its_stances(run, tmp_path, ladder):
+    """Steps and connected parts by comparing all pairs of stances, SciPy's components."""
+    world = tmp_path / "ladder.json"
+    world.write_text(json.dumps(ladder.to_dict()))
+    told = json.loads(run("info", "--map", str(world), "--json")[1])["stance_graph"]
+    graph = stance_graph(ladder)
+    points, bases = graph.points, graph.base_position
+    one = (points[:, None] != points[None]).sum(axis=2) == 1
+    count, part = connected_components(one, directed=False)
+    assert told["steps_before_checks"] == one.sum()
+    assert told["connected_parts"] == count
+    assert told["stances_of_the_largest_part"] == np.bincount(part).max()
+    longest = np.linalg.norm(bases[:, None] - bases[None], axis=2)[one].max()
+    assert abs(told["longest_step"] - longest) < 1e-12
+    postures = graph.postures_of([graph.state(stance) for stance in points.tolist()])
+    np.testing.assert_allclose(told["w_m"], [postures.w_m.min(), postures.w_m.max()], rtol=1e-12)
+    left_out = told["stances_left_out"]
+    assert told["stances"] == len(points)
+    assert sum(left_out.values()) == told["pairs_within_span"] - len(points)
+    assert left_out["reach"] == told["pairs_within_span"] - told["stances_reachable"]

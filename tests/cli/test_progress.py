@@ -8,35 +8,19 @@ import pytest
 from mlivr_gym.cli import progress
 from mlivr_gym.cli.progress import Progress
 
-CLEAR = "\r\x1b[K"
-
-
-class Stream(io.StringIO):
-    """Standard error that is a terminal, or not."""
-
-    def __init__(self, terminal):
-        super().__init__()
-        self.terminal = terminal
-
-    def isatty(self):
-        return self.terminal
-
-
-@pytest.fixture(autouse=True)
-def patience(monkeypatch):
-    """As it ships."""
-    monkeypatch.setattr(progress, "SHOW_AFTER", 2.0)
-
 
 @pytest.fixture
 def clock(monkeypatch):
+    """Its time; displays are shown after 2 s, as they ship."""
     now = [100.0]
+    monkeypatch.setattr(progress, "SHOW_AFTER", 2.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: now[0]))
     return now
 
 
-def standard_error(monkeypatch, terminal):
-    stream = Stream(terminal)
+def standard_error(monkeypatch, is_terminal):
+    stream = io.StringIO()
+    stream.isatty = lambda: is_terminal
     monkeypatch.setattr(progress, "sys", SimpleNamespace(stderr=stream))
     return stream
 
@@ -64,16 +48,15 @@ def test_a_line_says_while_something_is_compiled(clock, monkeypatch):
     """In place of the work for which it is compiled alone, which seems to hang."""
     stream = standard_error(monkeypatch, True)
     monkeypatch.setattr(progress, "compilation", SimpleNamespace(text="compiling check_all"))
-    shown = Progress("building the stance graph")
-    clock[0] += 197.0
-    shown.show(0)
-    assert stream.getvalue() == f"{CLEAR}building the stance graph, 197 s; compiling check_all"
-    clock[0] += 1.0
-    shown.show(0, "bound 1.2")
-    assert stream.getvalue().endswith("graph, 198 s; bound 1.2; compiling check_all")
-    assert progress.displays == []
-    with shown:
+    with Progress("building the stance graph") as shown:
         assert progress.displays == [shown]
+        clock[0] += 197.0
+        shown.show(0)
+        told = "\r\x1b[Kbuilding the stance graph, 197 s; compiling check_all"
+        assert stream.getvalue() == told
+        clock[0] += 1.0
+        shown.show(0, "bound 1.2")
+        assert stream.getvalue().endswith("graph, 198 s; bound 1.2; compiling check_all")
     assert progress.displays == []
 
 

@@ -34,9 +34,6 @@ def test_it_names_at_most_seven_files_and_each_function_is_there(site):
         line = int(re.search(rf"`{path}::{name}` \(line (\d+)\)", shown)[1])
         source = (site.PACKAGE / path).read_text(encoding="utf-8").splitlines()
         assert re.match(rf"\s*def {name.rpartition('.')[2]}\(", source[line - 1])
-
-
-def test_a_function_that_is_gone_is_noticed(site):
     with pytest.raises(MlivrError, match=r"planner\.py has no Planner\.gone"):
         site.with_lines("## 1. `planners/planner.py::Planner.gone`")
 

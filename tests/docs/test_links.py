@@ -1,10 +1,13 @@
-"""The links of all pages lead to files that are there, and to headings that these have."""
+"""Links, figures and terms of the pages are those of files, results and modules that are there."""
 
+import importlib
 import re
+import sys
 from functools import cache
 from urllib.parse import unquote
 
 import pytest
+import readme
 from page_blocks import ROOT
 
 LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\((?P<to>[^)\s]+)(?:\s+\"[^\"]*\")?\)")
@@ -34,11 +37,6 @@ def anchors(page):
     return found
 
 
-def test_pages_are_found():
-    names = {path.relative_to(ROOT).as_posix() for path in PAGES}
-    assert {"README.md", "docs/how-to/plan.md", "results/reaction.md"} <= names
-
-
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_what_a_page_links_to_is_there(page):
     text = CODE.sub("", page.read_text(encoding="utf-8"))
@@ -54,3 +52,69 @@ def test_what_a_page_links_to_is_there(page):
         if not is_there:
             missing.append(link["to"])
     assert not missing
+
+
+def rows():
+    """Term, symbol and module of each row."""
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("|") and len(cells) == 5 and "`" in cells[4]:
+            yield cells[0], cells[1], cells[4].strip("`")
+
+
+ROWS = list(rows())
+
+
+def test_each_term_stands_once_and_its_symbol_in_the_module_that_is_named():
+    terms, missing = [term for term, _, _ in ROWS], []
+    assert len(terms) > 100
+    assert sorted({term for term in terms if terms.count(term) > 1}) == []
+    for term, symbol, module in ROWS:
+        source = (ROOT / module).read_text(encoding="utf-8")
+        names = [name.split(".")[-1] for name in re.findall(r"`([A-Za-z_][\w.]*)", symbol)]
+        missing += [(term, n) for n in names if not re.search(rf"\b{re.escape(n)}\b", source)]
+    assert missing == []
+
+
+EXPERIMENTS = sorted(path.stem for path in (readme.ROOT / "experiments").glob("*.py"))
+
+
+@pytest.fixture(scope="module")
+def told():
+    """What the results say, by part."""
+    return readme.parts(readme.ROOT / "results")
+
+
+@pytest.mark.parametrize("script", EXPERIMENTS)
+def test_every_experiment_is_of_this_version_of_the_package(script, monkeypatch):
+    """What it imports is there; `import` runs no experiment."""
+    monkeypatch.setattr(sys, "argv", [script])
+    importlib.import_module(script)
+
+
+def test_readme_and_reports_say_what_the_results_say(told, monkeypatch):
+    """If this fails, run `python experiments/readme.py`."""
+    monkeypatch.setattr(readme, "parts", lambda _: told)
+    assert readme.stale() == []
+
+
+def test_a_figure_that_was_typed_is_noticed(told):
+    for page, mark in (
+        ("README.md", "<!-- paper -->\n"),
+        ("docs/results.md", "<!-- table1 -->\n"),
+        ("docs/formats.md", "<!-- fields_map -->\n"),
+    ):
+        text = (readme.ROOT / page).read_text(encoding="utf-8")
+        assert readme.filled(text, told) == text
+        typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
+        assert typed != text
+        assert readme.filled(typed, told) == text
+
+
+def test_every_part_is_shown_and_every_mark_is_of_a_part(told):
+    """A mark that lost its end, or its part, would never be filled again."""
+    texts = [page.read_text(encoding="utf-8") for page in readme.pages()]
+    begun = [name for text in texts for name in re.findall(r"<!-- end of (\w+) -->", text)]
+    shown = [match[1] for text in texts for match in readme.MARK.finditer(text)]
+    assert sorted(begun) == sorted(shown)
+    assert set(shown) == set(told)

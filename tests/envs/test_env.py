@@ -1,4 +1,4 @@
-"""The environment: Gymnasium's rules, episodes, rewards, and steps in simulation."""
+"""The environment: Gymnasium's rules, episodes, what is observed, and steps in simulation."""
 
 import pickle
 
@@ -6,11 +6,13 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
+from paper import NO_COLLISIONS
 
-from mlivr_gym import Box
+from mlivr_gym import Box, GraspMap, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
+from mlivr_gym.envs.grasp_failure import failure_probabilities
+from mlivr_gym.envs.observations import observation_space
 from mlivr_gym.errors import SettingError, StanceError
-from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.stances.moves import TableMoves
 
 
@@ -36,47 +38,6 @@ def test_a_reset_that_is_refused_draws_no_number(small_map, obstacles):
     assert data_equivalence(*(one.reset() for one in alike))
 
 
-@pytest.mark.parametrize(
-    ("robot", "collisions", "reward"),
-    [
-        ("mlivr2", True, "steps"),
-        ("mlivr3", False, "base"),
-    ],
-)
-def test_a_replayed_plan_gives_exactly_its_cost(robot, collisions, reward):
-    environment = gymnasium.make(
-        "MLIVR-JEM-v0", robot=robot, reward=reward, success_bonus=7.0, collisions=collisions
-    ).unwrapped
-    environment.reset(seed=4)
-    start, goal = environment.state.stance, environment.goal
-    planner = Planner(environment.graph)
-    options = SearchOptions(method="greedy" if robot != "mlivr2" else "astar")
-    plan = planner.plan(start, goal, reward, options=options).unwrap()
-    _, info = environment.reset(options={"start": plan.stances[0], "goal": plan.query.goal})
-    assert len(plan.steps) > 0
-    returns, ended = 0.0, False
-    for limb, point in plan.actions:
-        assert not ended
-        action = limb * len(environment.graph.grasp_map) + environment.graph.grasp_map.index(point)
-        assert info["action_mask"][action]
-        _, r, ended, _, info = environment.step(action)
-        returns += r
-    assert ended
-    assert info["is_success"]
-    assert info["steps"] == len(plan.steps)
-    assert info["stance"] == plan.stances[-1]
-    assert info["base_translation"] == pytest.approx(plan.base_translation, abs=1e-9)
-    cost = len(plan.steps) if reward == "steps" else plan.base_translation
-    assert returns == pytest.approx(7.0 - cost, abs=1e-9)
-    if robot == "mlivr2":
-        assert returns == pytest.approx(7.0 - plan.statistics.cost, abs=1e-9)
-
-
-@pytest.fixture(scope="module")
-def physical_env():
-    return gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
-
-
 @pytest.mark.parametrize("change", [{"transitions": False}, {"grasp_failure": np.arange(38) / 380}])
 def test_what_does_not_go_together_with_simulated_steps_is_refused(small_map, change):
     given = {"map": small_map, "collisions": False, **change}
@@ -85,9 +46,10 @@ def test_what_does_not_go_together_with_simulated_steps_is_refused(small_map, ch
         MlivrEnv(dynamics="mujoco", **given)
 
 
-def test_both_checkers_pass_with_dynamics(physical_env):
+def test_both_checkers_pass_with_dynamics():
     from stable_baselines3.common.env_checker import check_env as sb3_check
 
+    physical_env = gymnasium.make("MLIVR-JEM-v0", dynamics="mujoco").unwrapped
     check_env(physical_env, skip_render_check=True)
     sb3_check(physical_env)
 
@@ -153,3 +115,31 @@ def test_a_step_that_fails_ends_the_episode_with_its_reason(physics, kind, moves
     with pytest.raises(gymnasium.error.ResetNeeded, match="failed"):
         environment.step(invalid)
     environment.reset(seed=1)
+
+
+def test_whole_cabin_and_every_point_lie_in_the_space():
+    """A rail at the bottom of a high cabin, and one far outside."""
+    rail = {"face": "deck", "normal": [0, 0, 1], "width": 0.02}
+    low, high = [0.0, -1.0, 0.0], [2.0, 1.0, 9.0]
+    ends = {"near": ([0, 0, 0], [1, 0, 0]), "far": ([9, 0, -9], [9.4, 0, -9])}
+    segments = [{"id": k, "start": a, "end": b, **rail} for k, (a, b) in ends.items()]
+    grasp_map = GraspMap.from_dict({"segments": segments, "cabin": {"min": low, "max": high}})
+    space = observation_space(stance_graph(grasp_map, settings=NO_COLLISIONS))
+    for place in (*np.array([low, high]), *grasp_map.positions):
+        assert space["goal"].contains(place.astype(np.float32))
+        assert space["base_position"].contains(place.astype(np.float32))
+        assert space["grasps"].contains(np.tile(place, 2).astype(np.float32))
+
+
+def test_failure_probabilities():
+    drawn = failure_probabilities(20_000, 0.2, seed=1)
+    assert drawn.mean() == pytest.approx(0.2, abs=0.005)
+    assert drawn.min() >= 0.0
+    assert drawn.max() <= 0.4
+    np.testing.assert_array_equal(
+        failure_probabilities(3, np.array([0.0, 0.5, 0.9])), [0.0, 0.5, 0.9]
+    )
+    assert failure_probabilities(20_000, 0.45).max() < 0.95
+    for wrong in (0.46, np.array([0.0, 0.5]), np.array([0.0, 1.0, 0.5])):
+        with pytest.raises(SettingError, match=r"grasp_failure.*(0 to 0\.45|3 numbers|0 to 0\.95)"):
+            failure_probabilities(3, wrong)

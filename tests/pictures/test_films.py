@@ -10,6 +10,7 @@ from recordings import resting
 
 from mlivr_gym.collisions.contacts import capsule_ends
 from mlivr_gym.collisions.limb_shapes import LimbShapes
+from mlivr_gym.errors import RenderError
 from mlivr_gym.pictures.captions import strip_height
 from mlivr_gym.pictures.films import (
     default_speed,
@@ -81,6 +82,9 @@ def test_a_film_runs_as_much_faster_than_the_clock_as_it_says(walk):
         # Samples are half a second apart here, so that one is shown that much late at most.
         wanted = np.arange(len(shown_at) - 1) * speed / 10
         assert (np.abs(shown_at[:-1] - wanted) <= 0.5).all()
+    with pytest.raises(RenderError, match="frames, more than 5000; choose a higher speed"):
+        film_samples(recording, 10.0 * duration / 5001)
+    assert len(film_samples(recording, 10.0 * duration / 4998)) <= 5000
 
 
 def test_a_film_has_the_size_asked_for_and_the_path_in_it(checked_graph, walk, tmp_path):

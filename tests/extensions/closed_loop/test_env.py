@@ -6,7 +6,6 @@ import pytest
 from loop_walks import GOAL, START
 
 from mlivr_gym import Box, MlivrError
-from mlivr_gym.agents import EvaluationTask, evaluate
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.errors import SettingError
 from mlivr_gym.extensions.closed_loop.belief import CELL, GRID_BORDER, Belief
@@ -145,17 +144,6 @@ def test_only_what_was_sensed_leaves_the_graph(env):
         env.step(0)
 
 
-def test_things_leave_the_graph_if_planning_among_them_fails(empty, monkeypatch):
-    def fails(*_, **__):
-        raise SettingError("planning fails")
-
-    monkeypatch.setattr(empty, "boxes", 1)
-    monkeypatch.setattr(Planner, "plan", fails)
-    with pytest.raises(SettingError, match="planning fails"):
-        empty.reset(seed=0, options=TASK)
-    assert not empty.graph.obstacles
-
-
 def test_fixed_tasks_have_fixed_things(env):
     things = []
     for seed in (1, 2):
@@ -164,20 +152,6 @@ def test_fixed_tasks_have_fixed_things(env):
     assert things[0] == things[1]
     env.reset(seed=2, options={"task": 6})
     assert env.things != things[0][2]
-
-
-def test_an_episode_that_begins_at_the_goal_ends_there(empty):
-    goal = empty.graph.configuration(empty.graph.state(START))[0].tolist()
-    _, info = empty.reset(seed=0, options={"start": START, "goal": goal})
-    assert (info["is_success"], info["fewest_steps"]) == (True, 0)
-    *_, ended, _, info = empty.step(first_action(empty))
-    assert ended
-    assert info["is_success"]
-
-
-def test_it_is_evaluated_as_others(empty):
-    found = evaluate(empty, ReplanningPolicy(), [EvaluationTask(START, (3.0, 0.0, 0.42))])
-    assert found.success_rate == 1.0
 
 
 @pytest.mark.parametrize(
@@ -192,6 +166,26 @@ def test_it_is_evaluated_as_others(empty):
 def test_bad_arguments_are_named(arguments, message):
     with pytest.raises(MlivrError, match=message):
         ClosedLoopEnv(**arguments)
+
+
+def test_things_leave_the_graph_if_planning_among_them_fails(empty, monkeypatch):
+    def fails(*_, **__):
+        raise SettingError("planning fails")
+
+    monkeypatch.setattr(empty, "boxes", 1)
+    monkeypatch.setattr(Planner, "plan", fails)
+    with pytest.raises(SettingError, match="planning fails"):
+        empty.reset(seed=0, options=TASK)
+    assert not empty.graph.obstacles
+
+
+def test_an_episode_that_begins_at_the_goal_ends_there(empty):
+    goal = empty.graph.configuration(empty.graph.state(START))[0].tolist()
+    _, info = empty.reset(seed=0, options={"start": START, "goal": goal})
+    assert (info["is_success"], info["fewest_steps"]) == (True, 0)
+    *_, ended, _, info = empty.step(first_action(empty))
+    assert ended
+    assert info["is_success"]
 
 
 def test_more_plates_than_free_points_are_refused(env):

@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 from gl_there import gl_or_skip
+from loop_walks import BAG, GOAL, START
 from PIL import Image
 
-from mlivr_gym import Box, stance_graph
 from mlivr_gym.errors import MlivrError, RenderError
 from mlivr_gym.extensions.closed_loop import film as filming
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
@@ -18,8 +18,6 @@ from mlivr_gym.pictures import rendering
 from mlivr_gym.planners import Planner
 from mlivr_gym.simulation.scene import COLOURS, compile_spec, scene_spec
 
-START, GOAL = ("D2a:4", "D2b:4"), (4.2, 0.0, 0.42)
-BAG = Box.between("bag", "obstacle", (3.5, -0.35, -0.9), (3.8, 0.35, 0.0))
 SPEED, SIZE = 10.0, (160, 120)
 BOX = mujoco.mjtGeom.mjGEOM_BOX
 
@@ -34,11 +32,6 @@ class WatchedCamera(DepthCamera):
 
 
 HITS = []
-
-
-@pytest.fixture(scope="module")
-def graph(jem):
-    return stance_graph(jem)
 
 
 @pytest.fixture(scope="module")
@@ -111,14 +104,9 @@ def test_a_picture_shows_what_was_seen_by_then(drawn):
             covered |= (np.abs(before - centre) <= half + 1e-6).all(axis=1)
         assert covered[hits[number] >= 9].all()
         assert covered.any()
+        (pale,) = boxes_of(geoms, filming.UNKNOWN_OPACITY)  # the unknown box
+        np.testing.assert_allclose(pale, (BAG.centre, BAG.half), atol=1e-6)
     assert len(set(counts)) > 4  # what is seen changes along the film
-
-
-def test_the_unknown_box_is_pale(drawn):
-    for _, (_, geoms, _), _ in drawn:
-        ((centre, half),) = boxes_of(geoms, filming.UNKNOWN_OPACITY)
-        np.testing.assert_allclose(centre, BAG.centre, atol=1e-6)
-        np.testing.assert_allclose(half, BAG.half, atol=1e-6)
 
 
 def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record):
@@ -135,6 +123,10 @@ def test_a_picture_shows_the_plan_and_tells_the_events_of_its_time(drawn, record
         f"{record.duration:.0f} s of {record.duration:.0f} s (x10)",
         "stopped: no arrival within 2 attempted steps",
     )
+    events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
+    proved = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
+    told = ["", "stopped, with a proof that there is no plan: no way"]
+    assert [news_at(proved, time) for time in (2.0, 3.0)] == told
 
 
 def test_no_motion_is_missing(graph, record):
@@ -167,33 +159,12 @@ def test_a_film_is_written(graph, record, tmp_path):
     assert ((first[..., 0] > first[..., 2] + 80).sum()) > 100  # the bag is orange
 
 
-def test_a_stop_with_a_proof_is_told():
-    events = [Event("end", 3.0, {"outcome": STOPPED, "reason": "no way"})]
-    record = ClosedLoopRecord(STOPPED, "no way", proved=True, events=events)
-    assert news_at(record, 2.0) == ""
-    assert news_at(record, 3.0) == "stopped, with a proof that there is no plan: no way"
-
-
 def test_what_cannot_be_filmed_is_named(graph, record, tmp_path):
     path = tmp_path / "walk.gif"
     with pytest.raises(MlivrError, match="the walk was not filmed"):
         closed_loop_film(graph, ClosedLoopRecord(), path)
     with pytest.raises(MlivrError, match="the robot did not move"):
         closed_loop_film(graph, ClosedLoopRecord(footage=Footage()), path)
-    with pytest.raises(MlivrError, match="unknown"):
-        closed_loop_film(graph, record, path, unknown=["bag"])
     with pytest.raises(RenderError, match=r"valid endings"):
         closed_loop_film(graph, record, tmp_path / "walk.avi")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_film_that_would_not_fit_into_memory_is_refused(graph, record, tmp_path, monkeypatch):
-    monkeypatch.setattr("mlivr_gym.pictures.films.MAX_FRAMES", 100)
-    begin, *_, end = record.footage.recording.times
-    count = len(np.arange(begin, end, 1.0 / 10.0)) + 1
-    with pytest.raises(RenderError, match=f"{count} frames, more than 100; choose a higher speed"):
-        closed_loop_film(graph, record, tmp_path / "walk.gif", speed=1.0)
-
-
-def test_a_walk_that_is_not_filmed_keeps_nothing(graph):
-    assert run_closed_loop(graph, START, GOAL, max_steps=1).footage is None

@@ -1,20 +1,29 @@
 """The closed loop arrives among things that its map lacks, or stops where it is."""
 
-from collections import Counter
+import json
+from dataclasses import dataclass
 
-import numpy as np
 import pytest
 from loop_walks import BAG, CAMERA, GOAL, START, kinds
 
 from mlivr_gym import Box, MlivrError, stance_graph
-from mlivr_gym.extensions.closed_loop import loop
+from mlivr_gym.cli.main import main
+from mlivr_gym.extensions.closed_loop import depth_camera, loop
 from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
-from mlivr_gym.extensions.closed_loop.record import ARRIVED, FAILED, STOPPED
-from mlivr_gym.extensions.closed_loop.sensing_robot import ATTEMPTS
+from mlivr_gym.extensions.closed_loop.record import (
+    ARRIVED,
+    FAILED,
+    LINES,
+    STOPPED,
+    ClosedLoopRecord,
+    Footage,
+)
+from mlivr_gym.extensions.closed_loop.sensing_robot import NOTICED
 from mlivr_gym.planners import Planner, SearchOptions
 from mlivr_gym.robot.specification import robot_spec
+from mlivr_gym.simulation.parameters import PAPER
 from mlivr_gym.simulation.recording import Failure
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.simulation.step_executor import StepExecutor
@@ -36,19 +45,6 @@ def test_without_surprises_it_takes_the_steps_of_the_plan(graph, plan):
     assert 0.0 < record.peak_force < 100.0
 
 
-def test_a_refused_point_is_tried_again_then_avoided(graph, plan):
-    limb, point = plan.actions[0]
-    record = run_closed_loop(graph, START, GOAL, refusing=[point], max_steps=ATTEMPTS + 1)
-    assert record.steps == 1
-    assert record.refused == (point,)
-    refused = [event.values for event in record.events if event.kind == "refused"]
-    assert [value["point"] for value in refused] == [point] * ATTEMPTS
-    assert refused[0] == {"limb": limb, "point": point, "failure": "refused grasp"}
-    assert all(point != event.values["point"] for event in record.events if event.kind == "step")
-    assert graph.occupied == frozenset()  # the graph is as it was
-    assert graph.obstacles == ()
-
-
 def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
     limb, point = plan.actions[0]
     prepared = StepExecutor.prepared
@@ -64,16 +60,6 @@ def test_a_point_to_which_no_swing_leads_is_avoided(graph, plan, monkeypatch):
     assert record.refused == (point,)
     blocked = [event.values for event in record.events if event.kind == "blocked"]
     assert blocked == [{"limb": limb, "point": point, "failure": "no swing"}]
-
-
-def test_it_sees_what_is_in_its_way_and_goes_round(graph):
-    blind = run_closed_loop(graph, START, GOAL, unknown=[BAG])
-    assert blind.outcome == FAILED
-    assert "bag" in blind.reason
-    seeing = run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=CAMERA)
-    assert seeing.outcome == ARRIVED
-    assert seeing.sensed
-    assert graph.obstacles == ()
 
 
 def test_the_same_seed_gives_the_same_walk(graph):
@@ -125,17 +111,6 @@ def test_it_stops_where_no_way_is_left(graph, plan):
     assert kinds(record)[-1] == "end"
 
 
-def test_points_to_which_paths_are_blocked_twice_count_as_occupied(graph, plan, monkeypatch):
-    monkeypatch.setattr(Belief, "is_blocked", lambda *_: True)
-    graph.occupy([point for point in graph.grasp_map.ids if point not in _points(plan)])
-    record = run_closed_loop(graph, START, GOAL, camera=CAMERA)
-    graph.vacate()
-    assert (record.outcome, record.steps) == (STOPPED, 0)
-    tried = Counter(event.values["point"] for event in record.events if event.kind == "blocked")
-    assert set(tried) == set(record.refused)
-    assert set(tried.values()) == {ATTEMPTS}
-
-
 def test_a_planner_without_effort_to_plan_proves_nothing(jem, monkeypatch):
     for name in ("GOOD", "ANY"):
         monkeypatch.setattr(loop, name, SearchOptions(effort=1))
@@ -172,37 +147,23 @@ def test_a_point_that_refuses_on_the_way_back_from_a_blocked_path_ends_the_walk(
     assert kinds(record) == ["planned", "end"]
 
 
-def test_a_stop_says_why(graph):
-    goal = np.array([3.4, 0.0, 0.42])
-    box = Box.between("bag", "obstacle", goal - 0.1, goal + 0.1)
-    record = run_closed_loop(graph, START, goal.tolist(), unknown=[box], camera=CAMERA)
-    assert record.outcome == STOPPED
-    assert record.reason.startswith("search exhausted")
-
-
-def test_it_stops_after_the_steps_that_it_may_take(graph):
+def test_it_takes_no_more_steps_than_it_may_or_needs(graph):
     record = run_closed_loop(graph, START, GOAL, max_steps=1)
     assert (record.outcome, record.steps) == (STOPPED, 1)
-
-
-def test_a_goal_that_is_reached_needs_no_step(graph):
     here = graph.posture_of(graph.state(START)).base_position[0]
     record = run_closed_loop(graph, START, here.tolist())
-    assert (record.outcome, record.steps) == (ARRIVED, 0)
+    assert (record.outcome, record.steps, record.footage) == (ARRIVED, 0, None)
 
 
 @pytest.mark.parametrize(
     ("given", "named"),
     [
-        ({"refusing": ["X9:1"]}, "X9:1"),
         ({"refusing": [START[0]]}, "holds at the start"),
         ({"unknown": [BAG, BAG]}, "bag"),
         (
             {"unknown": [Box.between("here", "obstacle", (2, 0, -0.6), (3, 1, 0))]},
             r"here.* touch at the start",
         ),
-        ({"cost": "time"}, "time"),
-        ({"goal": (np.nan, 0.0, 0.0)}, "goal"),
     ],
 )
 def test_wrong_arguments_are_named(graph, given, named):
@@ -216,24 +177,6 @@ def _points(plan):
     return {point for stance in plan.stances for point in stance}
 
 
-@pytest.mark.parametrize("cost", ["steps", "base"])
-def test_what_remains_is_followed_without_a_search_until_it_is_blocked(graph, monkeypatch, cost):
-    searches, plan = [], Planner.plan
-
-    def counted(planner, *given, **options):
-        searches.append(given)
-        return plan(planner, *given, **options)
-
-    monkeypatch.setattr(Planner, "plan", counted)
-    record = run_closed_loop(graph, START, GOAL, cost, camera=CAMERA, max_steps=2)
-    assert record.steps == 2
-    assert len(searches) == 1
-    searches.clear()
-    refused = record.plans[0][0].actions[1][1]
-    record = run_closed_loop(graph, START, GOAL, cost, refusing=[refused], max_steps=4)
-    assert len(searches) == 2  # once more when the point counts as occupied
-
-
 def test_an_error_of_the_cameras_is_raised_and_the_graph_is_as_it_was(graph, monkeypatch):
     def fails(*_):
         raise RuntimeError("no picture")
@@ -242,3 +185,66 @@ def test_an_error_of_the_cameras_is_raised_and_the_graph_is_as_it_was(graph, mon
     with pytest.raises(RuntimeError, match="no picture"):
         run_closed_loop(graph, START, GOAL, unknown=[BAG], camera=CAMERA)
     assert graph.obstacles == ()
+
+
+UNKNOWN = ["--unknown", *map(str, BAG.bounds.ravel())]
+WALK = ["walk", "--start", *START, "--goal", "2.8", "0.0", "0.0"]
+
+
+@dataclass(frozen=True)
+class CoarseCamera(depth_camera.DepthCamera):
+    """Cameras that take less time."""
+
+    pixels: int = 28
+    period: float = 1.0
+
+
+def test_it_tells_and_writes_what_happened(tmp_path, capsys, graph, monkeypatch):
+    """The first point that it reaches for refuses the grasp; the bag is not in the way to it."""
+    out, picture = tmp_path / "walk.json", tmp_path / "walk.png"
+    files = ["--out", str(out), "--picture", str(picture)]
+    plan = Planner(graph).plan(START, (2.8, 0.0, 0.0), "steps").unwrap()
+    refusing = plan.actions[0][1]
+    monkeypatch.setattr(depth_camera, "DepthCamera", CoarseCamera)
+    code = main([*WALK, *UNKNOWN, "--refusing", refusing, *files])
+    lines = capsys.readouterr().out.splitlines()
+    record = json.loads(out.read_text())
+    assert (code, record["outcome"]) == (0, "arrived")
+    assert record["refused"] == [refusing]
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    events, told = record["events"], [line for line in lines if " s  " in line]
+    assert {event["kind"] for event in events} == {"sensed", "planned", "refused", "step", "end"}
+    for line, event in zip(told, events, strict=True):
+        assert float(line.split(" s  ")[0]) == round(event["time"], 1)
+        if event["kind"] == "step":
+            assert f"limb {event['limb']} takes {event['point']}" in line
+
+
+def test_a_film_and_a_controller_are_asked_for_before_the_walk(tmp_path, capsys, monkeypatch):
+    """No walk begins if the film cannot be written; another controller is that of the setup."""
+    asked = []
+
+    def walk(*_, **given):
+        asked.append(given)
+        return ClosedLoopRecord(STOPPED, "it may not", footage=Footage())
+
+    monkeypatch.setattr("mlivr_gym.extensions.closed_loop.loop.run_closed_loop", walk)
+    assert main([*WALK, "--film", str(tmp_path / "walk.avi")]) == 2
+    assert not asked
+    film = ["--film", str(tmp_path / "walk.gif")]
+    assert main([*WALK, *film, "--controller", "paper"]) == 3
+    assert asked[0]["filmed"]
+    assert asked[0]["setup"].controller == PAPER
+    assert "no film: the robot did not move" in capsys.readouterr().out
+    assert not list(tmp_path.iterdir())
+
+
+def test_each_kind_of_failure_that_is_noticed_has_its_line():
+    values = {"limb": 1, "point": "D2a:4", "failure": "missed grasp"}
+    for failure, kind in NOTICED.items():
+        assert "limb 1" in LINES[kind].format(**values | {"failure": failure})
+
+
+def test_a_blind_robot_collides_with_what_it_does_not_know(capsys):
+    assert main(["walk", "--start", *START, "--goal", *map(str, GOAL), *UNKNOWN, "--blind"]) == 1
+    assert "collision" in capsys.readouterr().out

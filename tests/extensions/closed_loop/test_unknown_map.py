@@ -128,7 +128,7 @@ def test_occupied_points_lie_in_clusters(small_map):
     assert shares[0] > shares[1] + 0.1
 
 
-def test_policies_that_know_what_the_robot_knows_arrive(env, known):
+def test_policies_that_know_what_the_robot_knows_arrive(env):
     for policy in (planner_policy(), ExpertPolicy()):
         for looks in (True, False):
             chosen = LookingPolicy(policy, looks)
@@ -142,12 +142,6 @@ def test_policies_that_know_what_the_robot_knows_arrive(env, known):
                 assert info["is_success"]
                 assert info["steps"] - info["looks"] >= fewest
                 assert looks or not info["looks"]
-    with pytest.raises(SettingError, match="policy is 'astar'; it must be a Policy"):
-        LookingPolicy("astar")
-    with pytest.raises(SettingError, match="looks is 2; it must be true or false"):
-        LookingPolicy(ExpertPolicy(), 2)
-    with pytest.raises(SettingError, match="must be a UnknownMapEnv"):
-        LookingPolicy(ExpertPolicy()).act(known, {}, np.ones(1, dtype=bool))
 
 
 def test_a_robot_that_can_take_no_step_looks(env):
@@ -193,8 +187,5 @@ def test_what_the_environment_cannot_do_is_refused(small_map, env):
     env.reset(seed=0)
     with pytest.raises(SettingError, match=str(env.action_space.n)):
         env.step(env.action_space.n)
-
-
-def test_the_expert_does_not_know_how_to_look(env):
     with pytest.raises(SettingError, match="UnknownMapEnv has another action"):
         evaluate(env, ExpertPolicy(), 1)

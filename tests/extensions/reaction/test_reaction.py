@@ -1,4 +1,4 @@
-"""The reaction of a step against the forces of MuJoCo's grasps, and against Pinocchio."""
+"""The reaction of steps against MuJoCo's grasps and Pinocchio, and plans by time and reaction."""
 
 import json
 
@@ -6,24 +6,35 @@ import numpy as np
 import pytest
 from pinocchio_loads import loads_of
 
-from mlivr_gym.errors import PlanError, TimingError
-from mlivr_gym.extensions.reaction.fastest import step_reactions, with_least_reaction
+from mlivr_gym.cli.main import main
+from mlivr_gym.envs.tasks import sample_task
+from mlivr_gym.errors import NoPlanError, PlanError, TimingError
+from mlivr_gym.extensions.reaction.fastest import (
+    COSTS,
+    ranked_plans,
+    step_reactions,
+    with_least_reaction,
+)
 from mlivr_gym.extensions.reaction.reaction import reaction_of
 from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.motion.commitment import commitments
-from mlivr_gym.motion.plan import Plan
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.time_scaling import Durations
-from mlivr_gym.planners import Planner
+from mlivr_gym.planners import Plan, Planner
 from mlivr_gym.simulation.execution import execute
-from mlivr_gym.simulation.parameters import Limits
+from mlivr_gym.simulation.parameters import PACES, Limits
 from mlivr_gym.simulation.timing import step_trajectory, timed_path
 
 
 @pytest.fixture(scope="module")
-def walk(checked_graph):
+def planner(checked_graph):
+    return Planner(checked_graph)
+
+
+@pytest.fixture(scope="module")
+def walk(planner):
     """Two steps."""
-    return Planner(checked_graph).plan(("D2a:4", "D2b:4"), (2.8, 0.0, 0.0)).unwrap()
+    return planner.plan(("D2a:4", "D2b:4"), (2.8, 0.0, 0.0)).unwrap()
 
 
 @pytest.fixture(scope="module")
@@ -97,3 +108,47 @@ def test_a_file_keeps_the_chosen_swings_and_no_others(checked_graph, jem, chosen
     data["motion"]["steps"][0]["knots"][8][0][1] += 1e-3
     with pytest.raises(PlanError, match=r"motion\.steps\[0\]"):
         Plan.from_dict(data, jem)
+
+
+def test_the_fastest_is_no_slower_than_the_plans_of_the_paper(planner):
+    rng, several = np.random.default_rng(1), 0
+    for _ in range(2):
+        start, goal = sample_task(planner.graph, rng, 0.2)
+        found = ranked_plans(planner, start.stance, goal)
+        times = [one.seconds for one in found]
+        assert times == sorted(times)
+        assert len({one.plan.stances for one in found}) == len(found) <= len(COSTS)
+        for cost in ("base", "steps"):
+            plan = planner.plan(start.stance, goal, cost).unwrap()
+            seconds = sum(one.seconds for one in step_reactions(planner.graph, plan))
+            assert times[0] <= seconds + 1e-9
+        several += len(found) > 1
+    assert several
+
+
+def test_its_seconds_are_those_that_pass_when_it_is_carried_out(planner):
+    goal = (6.0, 0.0, 0.42)
+    best = ranked_plans(planner, ("D2a:4", "D2b:4"), goal, PACES["gentle"])[0]
+    execution = execute(planner.graph, best.plan, PACES["gentle"])
+    assert execution.failure is None
+    planned = [one.seconds for one in step_reactions(planner.graph, best.plan, PACES["gentle"])]
+    waited = execution.step_times - planned
+    # A step takes whole periods, and a gripper may wait before its point.
+    assert (waited > -1e-9).all()
+    assert (waited < 1.0 + 0.002).all()
+    fixed = step_reactions(planner.graph, best.plan, Durations())
+    np.testing.assert_allclose([one.seconds for one in fixed], 50.0)
+    with pytest.raises(NoPlanError):
+        ranked_plans(planner, ("D2a:4", "D2b:4"), goal, goal_tolerance=1e-6)
+
+
+def test_the_plan_of_least_reaction_is_the_first_one_listed(tmp_path, planner, jem, capsys):
+    file = tmp_path / "plan.json"
+    query = "rank --start D2a:4 D2b:4 --goal 2.8 0 0 --by reaction --out"
+    assert main([*query.split(), str(file)]) == 0
+    out = capsys.readouterr().out
+    impulses = [float(line.split(" N s")[0].split(",")[-1]) for line in out.splitlines()
+                if " N s" in line]  # fmt: skip
+    assert impulses == sorted(impulses)
+    steps = step_reactions(planner.graph, Plan.load(file, jem))
+    assert sum(step.impulse for step in steps) == pytest.approx(impulses[0], rel=0.01)

@@ -8,19 +8,75 @@ import sys
 import textwrap
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import product
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mlivr_gym import stance_graph
 from mlivr_gym.cli.main import main
 from mlivr_gym.engines import executor_of
 from mlivr_gym.errors import MlivrError, SettingError
-from mlivr_gym.extensions.studies import StudyDesign, read_study, run_study
+from mlivr_gym.extensions.studies import read_study, run_study
+from mlivr_gym.extensions.studies.design import BLOCK_TASKS, StudyDesign
 from mlivr_gym.extensions.studies.rows import PLAN_COLUMNS, drawn_task, rows_of, succeeded
 from mlivr_gym.extensions.studies.study import combination_means
 from mlivr_gym.files import FileError
 from mlivr_gym.planners import Planner
+
+LEVELS = {"robot": ["mlivr2", "mlivr3"], "cost": ["steps", "base"], "clearance": [0.01, 0.02]}
+
+
+@given(st.sets(st.sampled_from(list(LEVELS))), st.integers(1, 3 * BLOCK_TASKS))
+def test_blocks_hold_each_task_of_each_combination_once(names, tasks):
+    factors = {name: LEVELS[name] for name in names}
+    design = StudyDesign.from_data({"kind": "plan", "tasks": tasks, "factors": factors})
+    runs = {}
+    for block in design.blocks:
+        for k, task in enumerate(block.tasks):
+            levels = tuple(block.levels[name] for name in factors)
+            assert runs.setdefault(block.first_run + k, (*levels, task)) == (*levels, task)
+    expected = [(*levels, task) for levels in product(*factors.values()) for task in range(tasks)]
+    assert [runs[run] for run in sorted(runs)] == expected
+    assert [block.number for block in design.blocks] == list(range(len(design.blocks)))
+
+
+def test_a_file_describes_the_same_design_as_its_data(tmp_path):
+    path = tmp_path / "study.toml"
+    path.write_text('kind = "plan"\ntasks = 3\n[factors]\ncost = ["base", "steps"]\n')
+    design = StudyDesign.from_file(path)
+    assert design == StudyDesign.from_data(design.to_data())
+    assert [levels["cost"] for levels in design.combinations] == ["base", "steps"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "kind is missing"),
+        ('kind = "a:b"\n[factors]\nx = 3', "factors.x is 3; it must be a list"),
+        ('kind = "a:b"\n[factors]\nx = [[1]]', "factors.x[0] is [1]; it must be text, a number"),
+        ('kind = "plan"\ntask = 3', "unknown field 'task'; valid fields are kind, tasks"),
+        ('kind = "build"', "kind is 'build'; valid choices are 'plan'"),
+        ('kind = "plan"\n[factors]\npace = ["fast"]', "factors has an unknown field 'pace'"),
+        ('kind = "plan"\n[factors]\ncost = ["time"]', "factors.cost[0] is 'time'"),
+        ('kind = "plan"\n[factors]\nrobot = ["a", "a"]', "it must be levels that differ"),
+        ("kind = plan", "cannot read study"),
+        (f"kind = {'[' * 5000}{']' * 5000}", "nested too deeply"),
+    ],
+)
+def test_a_faulty_file_is_refused_in_one_line(tmp_path, text, words):
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    with pytest.raises(MlivrError) as fault:
+        StudyDesign.from_file(path)
+    assert words in str(fault.value)
+    assert "\n" not in str(fault.value)
+    assert "study.toml" in str(fault.value)
+    with pytest.raises(MlivrError, match=r"cannot read study .*none\.toml.*No such file"):
+        StudyDesign.from_file(tmp_path / "none.toml")
+
 
 pytest.importorskip("pyarrow")
 
@@ -53,18 +109,16 @@ def untimed(rows):
 
 def test_an_interruption_ends_processes_that_work():
     """They would finish their blocks, which may take hours."""
-    began = time.monotonic()
 
     def interrupted():
         with executor_of("local", 1) as pool:
-            job = pool.submit(time.sleep, 60.0)
+            job = pool.submit(time.sleep, 36_000.0)
             while not job.running():
                 time.sleep(0.01)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert time.monotonic() - began < 40.0
 
 
 def test_rows_are_plans_of_equal_tasks(rows):
@@ -164,42 +218,26 @@ def test_a_folder_of_any_name_holds_a_study(tmp_path, monkeypatch, name):
     assert [row["value"] for row in read_study(name)] == [0, 3]
 
 
-@pytest.mark.parametrize("kind", ["no_such_module:run", "json:no_such_function", "a b:c"])
-def test_an_own_function_that_does_not_exist_is_refused(tmp_path, kind):
-    with pytest.raises(SettingError, match=f"kind is '{kind}', but there is no such function"):
-        run_study(StudyDesign.from_data({"kind": kind, "tasks": 1}), tmp_path / "made")
-    assert not (tmp_path / "made").exists()
-
-
-def test_another_study_in_the_folder_is_refused(tmp_path):
-    run_study(DESIGN_OF_NOTHING, tmp_path, workers=1)
-    other = StudyDesign.from_data(DESIGN_OF_NOTHING.to_data() | {"seed": 1})
-    with pytest.raises(SettingError, match="another design; choose another folder"):
-        run_study(other, tmp_path)
-
-
-DESIGN_OF_NOTHING = StudyDesign.from_data(
-    {"kind": "plan", "tasks": 1, "factors": {"robot": ["no_such_robot"]}}
-)
-
-
-def test_an_input_that_cannot_be_used_is_the_error_of_its_row():
-    (row,) = rows_of(DESIGN_OF_NOTHING, DESIGN_OF_NOTHING.blocks[0])
+def test_a_study_that_cannot_be_run_is_refused(tmp_path):
+    """Of functions and engines that do not exist, and in the folder of another study."""
+    nothing = StudyDesign.from_data(
+        {"kind": "plan", "tasks": 1, "factors": {"robot": ["no_such_robot"]}}
+    )
+    (row,) = rows_of(nothing, nothing.blocks[0])  # but a faulty level is the error of its row
     assert "no_such_robot" in row["error"]
     assert not succeeded(row)
     assert {*PLAN_COLUMNS} <= {*row}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"engine": "ray"}, "engine is 'ray'; valid choices are 'local', 'dask'"),
-        ({"scheduler": "tcp://x:1"}, "needs engine='dask'"),
-    ],
-)
-def test_engines_that_do_not_exist_are_refused(tmp_path, arguments, words):
-    with pytest.raises(MlivrError, match=words):
-        run_study(DESIGN, tmp_path, **arguments)
+    run_study(nothing, tmp_path / "kept", workers=1)
+    other = StudyDesign.from_data(nothing.to_data() | {"seed": 1})
+    with pytest.raises(SettingError, match="another design; choose another folder"):
+        run_study(other, tmp_path / "kept")
+    for kind in ("no_such_module:run", "json:no_such_function", "a b:c"):
+        with pytest.raises(SettingError, match=f"kind is '{kind}', but there is no such function"):
+            run_study(StudyDesign.from_data({"kind": kind, "tasks": 1}), tmp_path / "made")
+    for engine, words in (({"engine": "ray"}, "'local', 'dask'"), ({"scheduler": "a"}, "='dask'")):
+        with pytest.raises(MlivrError, match=words):
+            run_study(DESIGN, tmp_path / "made", **engine)
+    assert not (tmp_path / "made").exists()
 
 
 def test_the_command_prints_a_line_for_each_combination(tmp_path, capsys):

@@ -120,54 +120,6 @@ def test_a_minimum_subset_has_as_few_entries_as_any_that_suffices(enough):
         assert not any(suffices([one for one in some if one != spared]) for spared in some)
 
 
-@pytest.mark.parametrize("count", [1, 2])
-def test_the_change_of_fewest_parts_comes_first(small_checked_graph, monkeypatch, count):
-    """Of two of equal size that of obstacles."""
-    graph, parts = small_checked_graph, ("a", "b")[:count]
-    given = {
-        "_fewer_obstacles": Change("obstacles", parts, True, 3),
-        "_lower_threshold": Change("limb_threshold", ("0.05",), True, 3),
-    }
-    for name, change in given.items():
-        monkeypatch.setattr(smallest_change, name, lambda *_, change=change: [change])
-    found = smallest_changes(graph, graph.points[0].tolist(), graph.base_position[-1])
-    assert found == tuple(given.values())[:: 1 if count == 1 else -1]
-
-
-def test_without_the_obstacles_named_there_is_a_plan_and_with_any_of_them_there_is_none(
-    small_checked_graph,
-):
-    """Two walls are in the way, a third box and a point elsewhere are not."""
-    graph, planner = small_checked_graph, Planner(small_checked_graph)
-    x = graph.base_position[:, 0]
-    start, end = graph.points[int(np.argmin(x))].tolist(), graph.base_position[int(np.argmax(x))]
-    goal = np.clip(end, *graph.grasp_map.cabin)
-    plan = planner.plan(start, goal, "steps", goal_tolerance=0.3).unwrap()
-    walls = [
-        Box.between(f"wall{k}", "obstacle", (at, -3.0, -3.0), (at + 0.05, 3.0, 3.0))
-        for k, at in enumerate(x.min() + share * np.ptp(x) for share in (0.4, 0.6))
-    ]
-    far = Box.between("far", "obstacle", (30.0, 0.0, 0.0), (30.1, 0.1, 0.1))
-    unused = next(p for p in range(len(graph.grasp_map)) if p not in np.array(plan.stances))
-    graph.add_obstacles([far, *walls])
-    graph.occupy([unused])
-    try:
-        cause = Planner(graph).why_not(start, goal, goal_tolerance=0.3)
-        assert cause.message.startswith("the goal is cut off by obstacles and occupied points")
-        changes = smallest_changes(graph, start, goal, goal_tolerance=0.3)
-        (change,) = (change for change in changes if change.kind == "obstacles")
-        assert set(change.parts) == {"wall0", "wall1"}
-        assert change.is_smallest
-        for kept in ([], *([wall] for wall in walls)):
-            graph.remove_obstacles()
-            graph.add_obstacles([far, *kept])
-            found = Planner(graph).plan(start, goal, "steps", goal_tolerance=0.3)
-            assert bool(found) == (not kept)
-    finally:
-        graph.remove_obstacles()
-        graph.vacate()
-
-
 def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_none(jem):
     few = jem.subset(np.random.default_rng(0).random(len(jem)) < 0.35, "sparse")
     settings = Settings(limb_threshold=0.15, collisions=False)
@@ -186,3 +138,17 @@ def test_with_the_lower_threshold_there_is_a_plan_and_one_unit_higher_there_is_n
         found = Planner(other).plan(start.stance, goal, "steps", goal_tolerance=0.05)
         assert bool(found) == (value == highest)
         assert not found or len(found.plan.steps) == change.steps
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_the_change_of_fewest_parts_comes_first(small_checked_graph, monkeypatch, count):
+    """Of two of equal size that of obstacles."""
+    graph, parts = small_checked_graph, ("a", "b")[:count]
+    given = {
+        "_fewer_obstacles": Change("obstacles", parts, True, 3),
+        "_lower_threshold": Change("limb_threshold", ("0.05",), True, 3),
+    }
+    for name, change in given.items():
+        monkeypatch.setattr(smallest_change, name, lambda *_, change=change: [change])
+    found = smallest_changes(graph, graph.points[0].tolist(), graph.base_position[-1])
+    assert found == tuple(given.values())[:: 1 if count == 1 else -1]
