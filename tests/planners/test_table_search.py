@@ -115,6 +115,28 @@ def test_bounds_never_exceed_the_least_cost_whatever_is_taken(known, cost):
     assert compared
 
 
+def test_what_is_learnt_among_obstacles_is_forgotten_with_them(small_map, monkeypatch):
+    """After they are gone plans cost what they cost a planner that never saw them."""
+    monkeypatch.setattr("mlivr_gym.planners.table_search.MANY", 1)
+    graph, rng, dearer = stance_graph(small_map), np.random.default_rng(0), 0
+    planner, cost = Planner(graph), "base"
+    for trial in range(10):
+        start, goal = sample_task(graph, rng, 0.3)
+        free = Planner(graph).plan(start.stance, goal, cost).unwrap()
+        if trial % 2:  # points that a cheapest plan holds
+            graph.occupy([p for p in free.stances[-1] if p not in free.stances[0]])
+        else:
+            middle = 0.5 * (graph.posture(start.stance).base_position[0] + goal)
+            graph.add_obstacles([Box.between("crate", "obstacle", middle - 0.15, middle + 0.15)])
+        among = planner.plan(start.stance, goal, cost).plan
+        graph.remove_obstacles()
+        graph.vacate()
+        plan = planner.plan(start.stance, goal, cost).unwrap()
+        assert plan.statistics.cost == pytest.approx(free.statistics.cost, abs=1e-9)
+        dearer += among is None or among.statistics.cost > free.statistics.cost + 1e-9
+    assert dearer > 2
+
+
 def test_on_the_way_among_more_and_more_boxes_plans_are_those_of_a_new_planner():
     """On a graph that sees all boxes at once; in one turn a box takes the place of all others."""
     graph, other, rng, cost = stance_graph(), stance_graph(), np.random.default_rng(3), "base"

@@ -11,6 +11,7 @@ from mlivr_gym.stances import table_files
 @pytest.fixture
 def empty_cache(tmp_path, monkeypatch):
     """A cache folder without tables, and none in memory."""
+    (tmp_path / "cache").mkdir()
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(table_files, "_memory", OrderedDict())
     return tmp_path / "cache"

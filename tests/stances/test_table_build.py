@@ -130,7 +130,6 @@ print(build_table(graph), graph.is_complete)
 
 
 def test_two_processes_build_at_once(fewer, whole, empty_cache):
-    empty_cache.mkdir()
     (empty_cache / "kernels").symlink_to(KERNELS)  # to compile takes minutes
     text = json.dumps(fewer.to_dict())
     with ThreadPoolExecutor(2) as pool:
