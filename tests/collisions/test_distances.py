@@ -27,7 +27,10 @@ from mlivr_gym.collisions.distances import (
     CLEAR,
     OBSTACLE,
     SEGMENT,
+    SELF,
     UNDECIDED,
+    compare_capsule_with_box,
+    compare_capsules,
     keeps_distance,
     segment_box_distance,
     segments_distance,
@@ -95,6 +98,47 @@ def test_an_axis_is_compared_with_a_length_that_changes_along_it(box, axis, othe
         assert spare >= -1e-9
     elif spare > 0.0:
         assert spare < 0.01
+
+
+@given(
+    st.booleans(),
+    st.tuples(vectors(), vectors()),
+    st.tuples(vectors(), vectors()),
+    st.floats(0.01, 0.5),
+    st.tuples(st.floats(0.0, 0.5), st.sampled_from([0.0, 0.05, 0.5])),
+    st.floats(0.0, 0.1),
+)
+@examples(max_examples=300, deadline=None)
+def test_capsules_are_clear_as_far_as_samples_of_their_motion_tell(
+    box, axis, other, inner, moves, more
+):
+    """Either end of the first capsule may move farther; Coal measures the distances."""
+    (start, end), (first, second) = axis, other
+    if min(np.linalg.norm(end - start), np.linalg.norm(second - first)) < 1e-3:
+        return
+    shape, given = np.abs(first) + 0.05, (tuple(start), tuple(end - start))
+    if box:
+        answer = called(compare_capsule_with_box)(*given, tuple(shape), inner, moves)
+        body = coal.Box(*(2.0 * shape)), coal.Transform3s.Identity()
+        more = 0.0
+    else:
+        axes = (tuple(start), tuple(end)), (tuple(first), tuple(second))
+        answer = called(compare_capsules)(*axes, inner, more, moves)
+        body = capsule(1e-6, first, second)
+    gap = max(apart(capsule(1e-6, start, end), body), 0.0)
+    places = start + np.linspace(0.0, 1.0, 41)[:, None] * (end - start)
+    ball = coal.Sphere(1e-6)
+    away = [apart((ball, coal.Transform3s(np.eye(3), place)), body) for place in places]
+    spare = min(np.maximum(away, 0.0) - inner - more - np.linspace(*moves, 41))
+    if answer == CLEAR:
+        assert spare >= -1e-3
+    elif spare > 0.05:
+        assert gap < inner + more + max(moves)
+    if abs(gap - inner) > 1e-3:
+        assert (answer == SELF) == (gap < inner)
+    if gap > inner + more + max(moves) + 1e-3:
+        assert answer == CLEAR
+    assert answer in (CLEAR, UNDECIDED, SELF)
 
 
 SIGNS = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from map_data import few_of_a_wall
 from paper import NO_COLLISIONS
-from small_tables import small_table_with_box
+from small_tables import small_table
 from time_limit import AGES
 
-from mlivr_gym import Settings, stance_graph
+from mlivr_gym import Box, Settings, stance_graph
 from mlivr_gym.envs.env import MlivrEnv
 from mlivr_gym.envs.tasks import sample_task
 from mlivr_gym.errors import GoalError, PlanError, SettingError
@@ -109,8 +109,11 @@ def test_a_time_limit_gives_the_best_plan_so_far(small_map):
 @pytest.fixture(params=[2, 4])
 def boxed(request):
     """A graph on a few points with a box, which goes after the test."""
-    with small_table_with_box(request.param, 0.1) as found:
-        yield found
+    graph, table = small_table(request.param)
+    centre = table.base_position.mean(axis=0) + np.array([0.0, 0.5, 0.0])
+    graph.add_obstacles([Box.between("box", "obstacle", centre - 0.1, centre + 0.1)])
+    yield graph
+    graph.remove_obstacles()
 
 
 @pytest.mark.parametrize("cost", ["steps", "base"])

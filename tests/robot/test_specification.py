@@ -34,6 +34,11 @@ def test_mounts_are_radial_at_equal_angles(limbs):
     np.testing.assert_allclose(robot.mount_positions, 0.1 * radial, atol=1e-12)
 
 
+def test_a_robot_folds_its_limbs_as_the_limb_says_if_it_does_not():
+    assert RobotSpec(limb=IIWA).folds == IIWA.default_folds
+    assert len(IIWA.default_folds) > 1
+
+
 def test_default_figures_are_the_published_ones():
     limb = robot_spec("mlivr2").limb
     assert oracle.lengths_of(limb) == (0.1625, -0.425, -0.3922, 0.1333, 0.0997, 0.0996)

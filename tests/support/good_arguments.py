@@ -140,7 +140,6 @@ SPECIAL = {
 }
 """Arguments of some callables; those without a default value have others beside them."""
 
-CORNERS = {"low": np.zeros((1, 3)), "high": np.ones((1, 3))}
 POINTS = [
     {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 ]

@@ -4,12 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from map_data import LADDER, POINT, SEGMENT
 from scipy.spatial.transform import Rotation
 
 from mlivr_gym import GraspMap, stance_graph
 from mlivr_gym.errors import MapError
-from mlivr_gym.world.meshes import largest_excess, mesh_boxes
+from mlivr_gym.world.meshes import largest_excess, merged_cells, mesh_boxes
 from mlivr_gym.world.triangle_cubes import cubes_of_triangles
 
 trimesh = pytest.importorskip("trimesh")
@@ -96,6 +99,15 @@ def test_walls_along_the_axes_are_covered_exactly(resolution, tmp_path):
         stance_graph(GraspMap.from_mesh(tmp_path / "room.stl", resolution=resolution, **LADDER)),
     ]
     assert len(graphs[0]) == len(graphs[1])
+
+
+@settings(max_examples=60, deadline=None)
+@given(arrays(np.bool_, st.tuples(*[st.integers(1, 6)] * 3)))
+def test_merged_cells_cover_each_marked_cell_once(touched):
+    count = np.zeros(touched.shape, dtype=int)
+    for first, last in merged_cells(touched):
+        count[tuple(slice(a, b) for a, b in zip(first, last, strict=True))] += 1
+    np.testing.assert_array_equal(count, touched)
 
 
 def turned(ladder, turn, shift):
