@@ -3,14 +3,13 @@
 import io
 import os
 import stat
-import subprocess
-import sys
 import threading
 import time
 from contextlib import suppress
 from types import SimpleNamespace
 
 import pytest
+from processes import printed
 from small_package import package_in, run_with
 
 from mlivr_gym.compiled import cache, compiling, machine_code
@@ -193,15 +192,8 @@ def test_after_warmup_a_plan_compiles_nothing_and_no_command_compiles_twice(tmp_
     small = f"plan --map columbus --picture {tmp_path / 'plan.png'}"
 
     def compiled(*commands):
-        done = subprocess.run(
-            [sys.executable, "-c", COMMANDS.format(commands=commands)],
-            env=os.environ | {cache.CACHE_VARIABLE: str(tmp_path / "kept")},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stderr
-        return int(done.stdout.split()[-1])
+        code, kept = COMMANDS.format(commands=commands), tmp_path / "kept"
+        return int(printed("-c", code, **{cache.CACHE_VARIABLE: kept})[-1])
 
     assert compiled("warmup") > 200
     assert compiled(*plans) == 0

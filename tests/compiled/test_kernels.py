@@ -1,18 +1,17 @@
 """Kernels: where they are kept, how many versions a plan needs, and how they run in threads."""
 
-import os
-import subprocess
-import sys
 import threading
 
 import numpy as np
 import pytest
+from processes import printed
 from small_tables import small_table
 
 from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels, limb_branch_sets
 from mlivr_gym.compiled.kernels import in_parallel, workers
 from mlivr_gym.compiled.records import Record
+from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.planners import (
     Planner,
     SearchOptions,
@@ -129,20 +128,29 @@ print(config.CACHE_DIR)
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "MLIVR_GYM_CACHE"])
 def test_machine_code_is_kept_where_the_environment_says(tmp_path, variable):
     """A folder for Numba goes before ours; it is left as it was for what others compile."""
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"MLIVR_GYM_CACHE": str(tmp_path / "ours"), variable: str(tmp_path / "here")}
-    runs = [
-        subprocess.run(
-            [sys.executable, "-c", CODE],
-            env=environment,
-            check=True,
-            capture_output=True,
-            text=True,
-        ).stdout.splitlines()
-        for _ in range(2)
-    ]
+    kept = {
+        "NUMBA_CACHE_DIR": "",
+        "MLIVR_GYM_CACHE": tmp_path / "ours",
+        variable: tmp_path / "here",
+    }
+    runs = [printed("-c", CODE, **kept) for _ in range(2)]
     assert [run[0] for run in runs] == ["0 1", "1 0"]
     for _, folder, given in runs:
         assert folder.startswith(str(tmp_path / "here"))
         assert given == (str(tmp_path / "here") if variable == "NUMBA_CACHE_DIR" else "")
     assert not list(tmp_path.glob("ours/*")) or variable != "NUMBA_CACHE_DIR"
+
+
+class Numbers(Record):
+    """Scratch of a test."""
+
+    count: int
+
+
+def test_two_calls_at_once_have_scratch_of_their_own_and_later_ones_the_same_again():
+    pool = ScratchPool(Numbers)
+    with pool.borrowed() as one, pool.borrowed() as other:
+        one(1)["count"], other(1)["count"] = 1, 2
+        assert (one(1)["count"], other(1)["count"]) == (1, 2)
+    with pool.borrowed() as again:
+        assert again(1)["count"] in (1, 2)

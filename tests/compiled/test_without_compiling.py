@@ -2,25 +2,33 @@
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import config
+from processes import printed
 
 from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.planners import Planner
 
-ROOT = Path(__file__).parent.parent.parent
+PLAINLY = {
+    "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path),
+    "cwd": Path(__file__).parent.parent.parent,
+}  # fmt: skip
+"""Compilation is switched off."""
 
+DISTANCES, STEPS = "collisions/test_distances.py::test_", "transitions/test_steps.py::test_a_limb_"
 QUICK = (
     "compiled/test_kernels.py::test_in_parallel_covers_every_item_once",
     "kinematics/test_poses.py",
-    "collisions/test_base_path.py",
     "kinematics/test_families.py::test_inverse_kinematics_of_axis_aligned_tools_has_all_eight_branches",
-    "transitions/test_rule.py",
+    f"{DISTANCES}a_base_path_is_slerp_on_a_line",
+    f"{DISTANCES}the_way_back_is_the_way_there",
+    f"{DISTANCES}a_departure_moves_the_base_into_the_surface",
+    f"{STEPS}may_move_if_it_may_be_on_a_branch_on_which_it_can_be_released",
+    f"{STEPS}that_holds_keeps_the_branches_that_it_may_be_on_and_the_edge_serves",
 )
 
 NAMED_LIKE_NUMPY = ("compiled/test_records.py",)
@@ -28,19 +36,10 @@ NAMED_LIKE_NUMPY = ("compiled/test_records.py",)
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled anyway")
 
 
-def run_plainly(*command):
-    """Output of a Python command with compilation switched off."""
-    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
-    how = {"env": environment, "cwd": ROOT, "capture_output": True, "text": True}
-    done = subprocess.run([sys.executable, *command], **how)
-    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    return done.stdout
-
-
 def test_kernels_pass_their_tests_as_plain_python():
     """In one process, those whose records have fields that are called like NumPy's among them."""
     files = [f"tests/{file}" for file in QUICK + NAMED_LIKE_NUMPY]
-    run_plainly("-m", "pytest", "-q", "-p", "no:cacheprovider", *files)
+    printed("-m", "pytest", "-q", "-p", "no:cacheprovider", *files, **PLAINLY)
 
 
 def walk():
@@ -64,7 +63,7 @@ def walk():
 
 @pytest.mark.slow
 def test_a_plan_of_plain_python_is_that_of_compiled_code():
-    plain, compiled = json.loads(run_plainly(__file__)), json.loads(json.dumps(walk()))
+    plain, compiled = json.loads(printed(__file__, **PLAINLY)[-1]), json.loads(json.dumps(walk()))
     assert plain.pop("stances") == compiled.pop("stances")
     assert len(compiled["joints"]) > 1
     for name, values in compiled.items():

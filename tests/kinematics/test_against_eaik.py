@@ -64,14 +64,10 @@ def test_eaik_finds_the_same_solutions_of_arms_with_parallel_axes(limb):
 def test_eaik_finds_the_same_solutions_of_the_published_station_arm_with_joint_1_held(held):
     limb = replace(robot_spec("ssrms2").limb, locked_angle=held)
     robot, _ = eaik_arm(station_arm.MODEL, "end", [(0, held)])
-    axes, origin = limb.base_in_mount[:3, :3], limb.base_in_mount[:3, 3]
-    mount = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
     for angles in random_angles(1):
-        pose = station_arm.end_of([held, *angles])[0]
-        flange = np.eye(4)
-        turn = mount @ pose[:3, :3] @ station_arm.along(station_arm.LINKS[6][0])
-        flange[:3, :3] = axes.T @ turn
-        flange[:3, 3] = axes.T @ (mount @ pose[:3, 3] - origin)
+        pose, q = station_arm.end_of([held, *angles])[0], station_arm.SIGNS * angles
+        mount, _ = station_arm.flange_in_mount(held, q + station_arm.ZEROS)
+        flange = np.linalg.inv(limb.base_in_mount) @ mount
         assert_same_solutions(
             limb, robot, pose, flange, lambda q: station_arm.SIGNS * q[1:] + station_arm.ZEROS
         )

@@ -4,9 +4,9 @@ import itertools
 
 import numpy as np
 import pytest
-import station_arm
+import wrist_arms
 from arms import ARMS, jacobian, truth, turned
-from branches import arm_of, flange_axis
+from branches import arm_of, branch_of, flange_axis
 from branches import solutions as solutions_of
 from compiled import called
 from hypothesis import example, given, settings
@@ -164,13 +164,20 @@ def test_frames_of_links_are_those_of_forward_kinematics_with_and_without_angles
         assert np.linalg.det(built[6, 1:]) == pytest.approx(1.0)
 
 
-@given(st.floats(-1.5 * np.pi, 1.5 * np.pi), angles)
-@MANY
-def test_links_of_the_station_arm_are_the_published_bodies(locked, q):
-    """Those of link 6 across the flange axis do not matter."""
-    published, found = station_arm.links(locked, q), np.empty((7, 4, 3))
-    called(chain.link_frames)(arm_of(station_arm.LIMB), q, found)
-    expected = published[:, :3, [3, 0, 1, 2]].transpose(0, 2, 1)
-    np.testing.assert_allclose(found[:6], expected[:6], atol=1e-12)
-    np.testing.assert_allclose(found[6, [0, 3]], expected[6, [0, 3]], atol=1e-12)
-    np.testing.assert_allclose(link_frames(station_arm.LIMB, q)[6], published[6], atol=1e-12)
+@pytest.mark.parametrize("name", wrist_arms.LIMBS)
+def test_labels_change_only_where_the_determinant_is_zero(name):
+    """Along lines in joint space; the branch is that of the solution with the line's angles."""
+    limb, rng = ARMS[name], np.random.default_rng(3)
+    for _ in range(4):
+        ends = rng.uniform(-np.pi, np.pi, (2, 6))
+        last, changes = None, 0
+        for q in np.linspace(*ends, 300):
+            here = (
+                branch_of(arm_of(limb), link_frames(limb, q)[6], q),
+                np.linalg.det(jacobian(limb, q)),
+            )
+            if last is not None and last[0] != here[0]:
+                changes += 1
+                assert last[1] * here[1] < 0.0 or min(abs(last[1]), abs(here[1])) < 2e-4
+            last = here
+        assert changes < 20

@@ -6,8 +6,7 @@ import pytest
 from arms import frames_at, turned
 from branches import arm_of, flange_axis, solutions
 from compiled import called
-from numeric_arms import LIMBS, MODELS
-from oracle import flange, volume
+from oracle import LIMBS, TABLES, flange, model_of, volume
 
 from mlivr_gym import Limb
 from mlivr_gym.kinematics.chain import Chain
@@ -16,6 +15,7 @@ from mlivr_gym.kinematics.forms import NUMERIC
 from mlivr_gym.kinematics.inverse import branch_frames, branch_sizes
 from mlivr_gym.robot.limb import link_frames
 
+MODELS = {name: model_of(table) for name, table in TABLES.items()}
 each_arm = pytest.mark.parametrize("name", LIMBS)
 LEAST = 5e-3
 """Least `|det J|` of a posture that is used [m^3]."""

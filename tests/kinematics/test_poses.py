@@ -1,11 +1,16 @@
-"""Rotations against SciPy, and what is said of vectors and frames against NumPy."""
+"""Rotations, vectors and frames, alone and in batches, against SciPy and NumPy."""
+
+import math
 
 import numpy as np
 import pytest
 from branches import triple
 from compiled import called
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.kinematics.batches import distance, distances, dots
 from mlivr_gym.kinematics.poses import (
     cross,
     into,
@@ -62,3 +67,29 @@ def test_frames_and_vectors():
         np.testing.assert_allclose(turned, truth, atol=1e-12)
         product = called(cross)(triple(v), triple(w))
         np.testing.assert_allclose(product, np.cross(v, w), atol=1e-12)
+
+
+def drawn(seed, count=40):
+    """Vectors and others."""
+    rng = np.random.default_rng(seed)
+    return rng.normal(size=(count, 3)), rng.normal(size=(count, 3))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_they_are_what_numpy_says(seed):
+    a, b = drawn(seed)
+    np.testing.assert_allclose(dots(a, b), np.einsum("ki,ki->k", a, b), atol=1e-14)
+    np.testing.assert_allclose(distances(a, b), np.linalg.norm(a - b, axis=1), atol=1e-14)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 9))
+def test_a_row_is_the_same_alone_and_in_any_layout(seed, count):
+    a, b = drawn(seed, count)
+    for function in (dots, distances):
+        whole = function(a, b)
+        np.testing.assert_array_equal(whole, function(np.asfortranarray(a), np.asfortranarray(b)))
+        for row in range(count):
+            np.testing.assert_array_equal(whole[row], function(a[[row]], b[[row]])[0])
+    for row in range(count):
+        assert distance(a[row].tolist(), b[row].tolist()) == distances(a, b)[row]
+        assert math.isclose(distances(a, b)[row], math.dist(a[row], b[row]), rel_tol=1e-12)

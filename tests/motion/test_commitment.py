@@ -6,14 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from arms import jacobian
+from oracle import at_grasp
 from paper import NO_COLLISIONS
+from random_steps import random_walk
 
 from mlivr_gym import Box, Limb, Settings, robot_spec, stance_graph
 from mlivr_gym.kinematics.manipulability import base_manipulability, limb_manipulability
 from mlivr_gym.motion.commitment import committed_motion, hold_intervals
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot.limb import link_frames
-from mlivr_gym.stances.random_states import random_state
 
 
 def test_unchecked_plans_do_without_joint_limits(small_map):
@@ -27,16 +28,6 @@ def test_unchecked_plans_do_without_joint_limits(small_map):
     )
     assert np.isfinite(plan.motion.joint_positions).all()
     assert {step.swing for step in plan.steps} == {"unchecked"}
-
-
-def random_walk(graph, rng, count):
-    """States of a walk of `count` random legal steps; legal steps never run out."""
-    states = [random_state(graph, rng)]
-    while len(states) <= count:
-        steps = graph.successors(states[-1])
-        assert steps
-        states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
-    return states
 
 
 def check_walk(graph, states):
@@ -74,6 +65,7 @@ def test_every_walk_of_legal_steps_is_put_together(checked_graph):
     try:
         for _ in range(64):  # a changed swing is rare
             motion = check_walk(graph, random_walk(graph, rng, 8))
+            assert len(motion.steps) == 8  # legal steps never run out
             kinds.update(step.swing for step in motion.steps)
     finally:
         graph.remove_obstacles()
@@ -97,13 +89,11 @@ def test_manipulability_of_a_plan_is_that_of_its_joint_angles(small_map, limbs):
     for k, joints in enumerate(motion.joint_positions):
         jacobians, grasps = [], []
         for i, q in enumerate(joints):
-            frame = link_frames(robot.limb, q)[6]
-            of_limb, mount = jacobian(robot.limb, q), robot.mount_rotations[i]
+            of_limb = jacobian(robot.limb, q)
             assert motion.w_m[k, i] == pytest.approx(limb_manipulability(of_limb, l_c), rel=1e-6)
-            tool = robot.tool_length * frame[:3, 2]
-            of_limb[:3] += np.cross(of_limb[3:].T, tool).T
-            jacobians.append(np.kron(np.eye(2), mount) @ of_limb)
-            grasps.append(robot.mount_positions[i] + mount @ (frame[:3, 3] + tool))
+            of_grasp, grasp = at_grasp(robot, i, link_frames(robot.limb, q)[6], of_limb)
+            jacobians.append(of_grasp)
+            grasps.append(grasp)
         truth = base_manipulability(np.array(jacobians), np.array(grasps), l_c)
         assert motion.w_b[k] == pytest.approx(truth, rel=1e-6)
 

@@ -5,6 +5,7 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
+from random_steps import random_walk
 
 from mlivr_gym import jem_map, robot_spec, stance_graph
 from mlivr_gym.motion.commitment import committed_motion
@@ -13,7 +14,6 @@ from mlivr_gym.motion.paper_motion import dense_knots, support_joints
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.motion.straight_base import FollowingSupports, path_of
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.transitions.steps import KEPT_CLEAR
 
 ROBOT = robot_spec("mlivr2")
@@ -30,11 +30,7 @@ def walks(limbs):
     """The graph of a robot, and motions of random steps that it takes."""
     graph, rng, motions = stance_graph(jem_map(), f"mlivr{limbs}"), np.random.default_rng(limbs), []
     while len(motions) < 4:
-        states = [random_state(graph, rng)]
-        for _ in range(3):
-            steps = graph.successors(states[-1])
-            states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
-        motions.append(committed_motion(graph, states).motion)
+        motions.append(committed_motion(graph, random_walk(graph, rng, 3)).motion)
     return graph, motions
 
 

@@ -7,6 +7,7 @@ from collections import defaultdict
 
 import numpy as np
 import pytest
+from plans import altered
 
 from mlivr_gym import Settings, stance_graph
 from mlivr_gym.errors import PlanError
@@ -94,15 +95,6 @@ def some_leaves(data, rng):
     for entries in fields.values():
         for k in rng.permutation(len(entries))[:EACH]:
             yield entries[k]
-
-
-def altered(data, path, value):
-    out = copy.deepcopy(data)
-    inner = out
-    for key in path[:-1]:
-        inner = inner[key]
-    inner[path[-1]] = value
-    return out
 
 
 def numbers_in(text):

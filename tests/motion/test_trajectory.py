@@ -29,13 +29,8 @@ def scene(jem, plan):
 
 def grasp(scene, trajectory, k, limb):
     model, data = scene
-    set_configuration(
-        model,
-        data,
-        trajectory.base_positions[k],
-        trajectory.base_quaternions[k],
-        trajectory.joint_positions[k],
-    )
+    base = trajectory.base_positions[k], trajectory.base_quaternions[k]
+    set_configuration(model, data, *base, trajectory.joint_positions[k])
     site = data.site(f"limb{limb}/grasp")
     return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
@@ -184,6 +179,15 @@ def test_the_windings_of_a_plan_leave_room_for_departure_and_approach(checked_gr
     assert (angles <= limits[:, 1] + 1e-6).all()
 
 
+def assert_rates(trajectory):
+    """Rates of joints are the differences of what they are the rates of."""
+    for name, rate in (("positions", "velocities"), ("velocities", "accelerations")):
+        values = getattr(trajectory, f"joint_{name}")
+        expected = np.gradient(values, trajectory.times, axis=0)[2:-2]
+        found = getattr(trajectory, f"joint_{rate}")[2:-2]
+        np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
 def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan):
     slowness = 3
     there = step_trajectory(checked_graph, plan, 0, Durations(), period=0.01)
@@ -193,14 +197,7 @@ def test_the_way_back_is_the_way_there_in_reverse(checked_graph, plan):
     np.testing.assert_allclose(back.joint_positions[::slowness], there.joint_positions[::-1])
     np.testing.assert_array_equal(back.grasps[::slowness], there.grasps[::-1])
     np.testing.assert_array_equal(back.phase[::slowness], 2 - there.phase[::-1])
-    for name, rate in (
-        ("joint_positions", "joint_velocities"),
-        ("joint_velocities", "joint_accelerations"),
-    ):
-        expected = np.gradient(getattr(back, name), back.times, axis=0)[2:-2]
-        found = getattr(back, rate)[2:-2]
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(found, expected, atol=0.02 * scale)
+    assert_rates(back)
     expected = np.gradient(back.base_positions, back.times, axis=0)[2:-2]
     np.testing.assert_allclose(back.base_velocities[2:-2, :3], expected, atol=1e-4)
 
@@ -215,13 +212,7 @@ def test_a_motion_that_turns_back_follows_its_path_to_the_start(
     for name in ("joint_positions", "joint_velocities", "joint_accelerations", "phase", "grasps"):
         kept = getattr(whole, name)[:first]
         np.testing.assert_array_equal(kept, getattr(there, name)[:first])
-    for name, rate in (
-        ("joint_positions", "joint_velocities"),
-        ("joint_velocities", "joint_accelerations"),
-    ):
-        expected = np.gradient(getattr(whole, name), whole.times, axis=0)[2:-2]
-        scale = np.abs(expected).max()
-        np.testing.assert_allclose(getattr(whole, rate)[2:-2], expected, atol=0.02 * scale)
+    assert_rates(whole)
     # It is on the path all the time, turns, and comes to rest at the start.
     places, taken = (one.joint_positions.reshape(-1, 12) for one in (there, whole))
     away, nearest = cKDTree(places).query(taken[::20], p=np.inf)

@@ -14,7 +14,7 @@ from robot_texts import written
 from ssik import Manipulator
 from ssik_arms import mjcf_of
 
-from mlivr_gym import RobotSpec, jem_map, stance_graph
+from mlivr_gym import RobotSpec, Settings, jem_map, stance_graph
 from mlivr_gym.errors import PlanError
 from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.motion.trajectory import FREE
@@ -23,17 +23,15 @@ from mlivr_gym.planners import Planner
 from mlivr_gym.robot.from_file import read_robot
 from mlivr_gym.simulation.timing import plan_trajectory
 
-HELD = {"iiwa14": {"locked_joint": "joint3", "locked_angle": 0.5}}
-"""Which joint of an arm of seven is locked, and where [rad]."""
+ARMS = {
+    "irb120": {}, "m0609": {}, "crx10ia": {},
+    "iiwa14": {"locked_joint": "joint3", "locked_angle": 0.5},
+    "fr3": {"locked_joint": "joint6", "locked_angle": 1.8, "heights": (0.4, 0.46, 0.52)},
+    "gen3": {"locked_joint": "joint3", "locked_angle": 0.3, "heights": (0.55, 0.6, 0.65)},
+}  # fmt: skip
+"""Arms of six makers by their names in ssik, with what is given besides the file.
 
-PUBLIC = ("irb120",
-        "m0609",
-        "iiwa14",
-        "crx10ia")  # fmt: skip
-"""Arms of ten makers by their names in ssik.
-
-Those of m0609, m1013, ur5e and cr5 have axes that are only nearly parallel or at right angles;
-xarm6, crx10ia and z1 have no closed form here.
+The axes of m0609 are only nearly parallel or at right angles; crx10ia has no closed form here.
 """
 
 
@@ -47,8 +45,8 @@ class Original:
     """Pinocchio's model of the file of one arm, of which one joint may be locked."""
 
     def __init__(self, path, held):
-        build = pin.buildModelFromUrdf if path.endswith(".urdf") else pin.buildModelFromMJCF
-        self.model, self.rest = build(path), {held.get("locked_joint"): held.get("locked_angle")}
+        self.model = pin.buildModelFromMJCF(path)
+        self.rest = {held.get("locked_joint"): held.get("locked_angle")}
         self.data, self.tool = self.model.createData(), self.model.getFrameId("tool0")
 
     def tool_at(self, angles):
@@ -66,7 +64,7 @@ def walk_of(robot, steps=2):
     jem, found = jem_map(), []
     some = jem.positions[[jem.index(point) for point in ("A2a:0", "A3a:5", "D2a:2", "F3a:1")]]
     near = np.linalg.norm(jem.positions[:, None] - some, axis=2).min(axis=1) < 0.7
-    graph = stance_graph(jem.subset(near), robot)
+    graph = stance_graph(jem.subset(near), robot, Settings(limb_threshold=0.03))
     nodes = graph.nodes(graph.pairs)
     rows = np.flatnonzero(graph.is_node(nodes))
     for row in np.random.default_rng(0).permutation(rows):
@@ -131,9 +129,11 @@ def check_grasps(original, file, robot, told, base, held_points):
     return float(np.linalg.norm(every - every[0], axis=1).max())
 
 
-def check_walk(path, held, tmp_path):
-    robot = RobotSpec.from_urdf(path, capsules="ur5e", apart=[("base", "upper_arm")], **held)
-    file, original = read_robot(path, **held), Original(path, held)
+@pytest.mark.parametrize("name", ARMS)
+def test_walks_of_public_arms_hold_their_points(name, tmp_path):
+    given, path = ARMS[name], written(tmp_path, mjcf_of(Manipulator.from_prebuilt(name)), "arm.xml")
+    robot = RobotSpec.from_urdf(path, capsules="ur5e", apart=[("base", "upper_arm")], **given)
+    file, original = read_robot(path, **given), Original(path, given)
     graph, plan, walk = walk_of(robot)
     base = poses(walk.base_positions, walk.base_quaternions)
     held_points = np.where(
@@ -150,9 +150,3 @@ def check_walk(path, held, tmp_path):
         original, file, robot, (names, angles.reshape(len(angles), -1)),
         poses(motion["base_positions"], motion["base_quaternions"]), graph.grasp_map.positions[at],
     ) < 1e-9  # fmt: skip
-
-
-@pytest.mark.parametrize("name", PUBLIC)
-def test_walks_of_public_arms_hold_their_points(name, tmp_path):
-    text = mjcf_of(Manipulator.from_prebuilt(name))
-    check_walk(written(tmp_path, text, "arm.xml"), HELD.get(name, {}), tmp_path)

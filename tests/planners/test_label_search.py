@@ -1,11 +1,14 @@
-"""The label-setting search against NetworkX, over random branches and what edges lose of them."""
+"""The label-setting search against NetworkX; its queue and checked edges against Python's own."""
 
+import heapq
 import time
 
 import networkx as nx
 import numpy as np
 import pytest
 from compiled import called
+from hypothesis import given
+from hypothesis import strategies as st
 from small_tables import COSTS, every_pair, goal_at, small_table
 
 from mlivr_gym.compiled.limb_branch_sets import packed, unpacked
@@ -19,6 +22,14 @@ from mlivr_gym.planners.label_search import (
     cheapest_path,
 )
 from mlivr_gym.planners.labels import Labels, NodeOrigins
+from mlivr_gym.planners.open_queue import (
+    NO_ENTRY,
+    NodeQueue,
+    least_estimate,
+    pop,
+    push,
+    requeue,
+)
 from mlivr_gym.postures.relabelling import relabelled
 from mlivr_gym.stances.checked_edges import CheckedEdges
 from mlivr_gym.stances.node_edges import (
@@ -29,6 +40,58 @@ from mlivr_gym.stances.node_edges import (
     list_node_pairs,
     with_edges,
 )
+
+
+@given(st.lists(st.none() | st.floats(0.0, 1e3) | st.integers(0, 3).map(float)))
+def test_what_is_taken_has_the_least_estimate(actions):
+    """Nothing takes a node; a number is put in, and there is always room."""
+    queue, plain, estimate_of, node = NodeQueue.allocate(1), [], {}, 0
+    for action in (*actions, *[None] * len(actions), None):
+        if action is not None:
+            if queue.status["entry_count"] == len(queue.node):
+                queue = queue.doubled()
+            called(push)(queue, action, node)
+            heapq.heappush(plain, action)
+            estimate_of[node] = action
+            node += 1
+        elif plain:
+            assert called(least_estimate)(queue) == queue.lower_bound == plain[0]
+            entry = int(called(pop)(queue))
+            assert estimate_of[entry] == plain[0]
+            called(requeue)(queue, estimate_of[entry], entry)
+            again = int(called(pop)(queue))
+            assert estimate_of.pop(int(queue.node[again])) == heapq.heappop(plain)
+        else:
+            assert called(pop)(queue) == NO_ENTRY
+            assert called(least_estimate)(queue) == queue.lower_bound == float("inf")
+            return
+    assert not plain
+    assert not estimate_of
+
+
+BIT = st.integers(0, 40) | st.integers(0, 1 << 40)
+EDGE = st.tuples(BIT, st.tuples(st.integers(0, 1 << 48), st.booleans()))
+
+
+@given(st.lists(st.lists(EDGE, max_size=20), max_size=6))
+def test_it_holds_what_was_put_in_last(groups):
+    known, plain = CheckedEdges.empty(50, capacity=4), {}
+    for group in groups:
+        nodes = np.array([bit % 50 for bit, _ in group], dtype=np.int64)
+        bits = np.array([bit for bit, _ in group], dtype=np.int64)
+        kept = np.array([branch_sets for _, (branch_sets, _) in group], dtype=np.uint64)
+        is_exact = np.array([exact for _, (_, exact) in group], dtype=np.bool_)
+        known = known.with_edges(nodes, bits, kept, is_exact)
+        plain.update(group)
+        assert len(known.keys) >= 2 * len(plain)
+    assert np.flatnonzero(known.has_edges).tolist() == sorted({bit % 50 for bit in plain})
+    asked = np.array([*plain, 7, 1 << 41], dtype=np.int64)
+    assert known.contains(asked).tolist() == [True] * len(plain) + [7 in plain, False]
+    bits = np.array([*plain], dtype=np.int64)
+    assert known.kept_on(bits).tolist() == [kept for kept, _ in plain.values()]
+    assert known.are_exact(asked).tolist()[: len(plain)] == [exact for _, exact in plain.values()]
+    assert not known.are_exact(asked[-1:]).any()
+
 
 EXACT = SearchParameters(1.0, 1 << 30, 1 << 30, 1 << 30)
 

@@ -1,15 +1,21 @@
-"""Time limits are kept on a slow machine, whatever the search is doing when they end."""
+"""Time limits are kept, on a slow machine and while something is worked out once."""
 
+import math
 import sys
+import threading
 import time
-from functools import cache
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
 
 import numpy as np
 import pytest
-from small_tables import small_table
+from small_tables import small_map, small_table
+from time_limit import AGES
 
 from mlivr_gym import Box, Settings, jem_map, stance_graph
 from mlivr_gym.compiled import kernels
+from mlivr_gym.compiled.cache import CACHE_VARIABLE
 from mlivr_gym.motion import commitment
 from mlivr_gym.planners import (
     Planner,
@@ -19,6 +25,7 @@ from mlivr_gym.planners import (
     lower_bounds,
     searches,
 )
+from mlivr_gym.planners.building import result_by_deadline
 from mlivr_gym.planners.clock import PIECE, Clock, OutOfTime
 from mlivr_gym.stances.random_states import random_state
 from mlivr_gym.stances.table_build import build_table
@@ -69,7 +76,8 @@ class SlowMachine:
         self._count(
             patch, backward_search, "_search", SETTLED, lambda *given: given[2]["closed"].sum()
         )
-        self._each(patch, commitment, "commit", lambda *_: SWING)
+        commit = commitment.commit
+        patch(commitment, "commit", lambda *given: self.work("commit", SWING) or commit(*given))
         patch(commitment.CommittedSteps, "step_time", 0.05)  # which is learned, and then forgotten
 
     def _read(self):
@@ -91,6 +99,14 @@ class SlowMachine:
         self.now += seconds
         self.worked.add(kind)
 
+    def planned(self, planner, given, limit, **how):
+        """Plan under a limit [s], which is kept; return how long it took."""
+        began = self.now
+        found = planner.plan(*given, goal_tolerance=0.05, time_limit=limit, **how)
+        assert found.plan is not None or found.reason == "limit reached"
+        assert self.now - began <= limit + OVERRUN
+        return self.now - began
+
     def _count(self, patch, module, name, seconds, done):
         """Let a search take time for each item that it counts."""
         run = getattr(module, name)
@@ -102,16 +118,6 @@ class SlowMachine:
             return end
 
         patch(module, name, counted)
-
-    def _each(self, patch, module, name, seconds):
-        """Let a function take the time that its arguments tell."""
-        run = getattr(module, name)
-
-        def timed(*given):
-            self.work(name, seconds(*given))
-            return run(*given)
-
-        patch(module, name, timed)
 
 
 def among_obstacles(graph, base_positions):
@@ -188,20 +194,12 @@ def test_a_limit_is_kept_on_a_slow_machine(case, cost, method, monkeypatch):
     graph = CASES[case]()
     given = query(graph, cost)
     machine, whole = SlowMachine(monkeypatch), 0.0
+    exact = SearchOptions(inflation=1.0, method=method)
     for share in (None, *np.linspace(0.04, 0.94, 7).tolist()):
         fresh = CASES[case]() if graph.table is None or graph.limbs == 2 else graph
-        limit, began = 1e9 if share is None else share * whole, machine.now
-        machine.unseen = 0.0
-        found = Planner(fresh).plan(
-            *given,
-            goal_tolerance=0.05,
-            time_limit=limit,
-            options=SearchOptions(inflation=1.0, method=method),
-        )
-        took = machine.now - began
+        limit, machine.unseen = 1e9 if share is None else share * whole, 0.0
+        took = machine.planned(Planner(fresh), given, limit, options=exact)
         whole = whole or took
-        assert found.plan is not None or found.reason == "limit reached"
-        assert took <= limit + OVERRUN
     graph.remove_obstacles()
     assert machine.longest <= OVERRUN  # wherever a limit ends
     assert whole > 2.0 * OVERRUN
@@ -213,10 +211,7 @@ def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
     given = query(without_a_table(), "base")
     machine = SlowMachine(monkeypatch)
     for limit in (0.5, 1.0, 2.0, 4.0):
-        planner = Planner(without_a_table())
-        began = machine.now
-        planner.plan(*given, goal_tolerance=0.05, time_limit=limit)
-        assert machine.now - began <= limit + OVERRUN
+        machine.planned(Planner(without_a_table()), given, limit)
     assert "solve_all" in machine.worked
 
 
@@ -224,18 +219,13 @@ def test_a_limit_is_kept_while_postures_are_computed(monkeypatch):
 def test_a_limit_is_kept_among_the_first_steps_of_a_given_pose(case, monkeypatch):
     """They are no edges of the table, and are all checked before the search begins."""
     graph = CASES[case]()
-    start, goal, _ = query(graph, "steps")
+    start, goal, cost = query(graph, "steps")
     position, quaternion, _ = graph.configuration(start)
     pose = (*(position + np.array([0.0, 0.0, 0.005])).tolist(), *quaternion.tolist())
-    machine = SlowMachine(monkeypatch)
+    machine, exact = SlowMachine(monkeypatch), SearchOptions(inflation=1.0)
     for limit in (0.2, 0.5, 1.0):
-        began = machine.now
-        Planner(graph).plan(
-            start.stance, goal, "steps",
-            start_pose=pose, goal_tolerance=0.05, time_limit=limit,
-            options=SearchOptions(inflation=1.0),
-        )  # fmt: skip
-        assert machine.now - began <= limit + OVERRUN
+        given = start.stance, goal, cost
+        machine.planned(Planner(graph), given, limit, start_pose=pose, options=exact)
     graph.remove_obstacles()
 
 
@@ -267,3 +257,92 @@ def test_pieces_take_as_long_as_they_should_whatever_an_item_takes(monkeypatch):
     with pytest.raises(OutOfTime):
         next(seen)
     assert now[0] <= clock.deadline + 0.3
+
+
+def test_work_outlasts_those_who_wait_for_it():
+    go, done = threading.Event(), []
+
+    def work():
+        go.wait()
+        done.append(1)
+        return len(done)
+
+    for _ in range(2):
+        with pytest.raises(OutOfTime):
+            result_by_deadline("work", work, time.perf_counter() + 0.05)
+    go.set()
+    assert result_by_deadline("work", work, time.perf_counter() + AGES) == 1
+    assert result_by_deadline("work", work, math.inf) == 2
+    assert done == [1, 1]
+
+
+@pytest.fixture
+def waits(monkeypatch):
+    """The times for which threads are waited for."""
+    noted, join = [], threading.Thread.join
+
+    def joined(thread, timeout=None):
+        noted.append(timeout)
+        join(thread, timeout)
+
+    monkeypatch.setattr(threading.Thread, "join", joined)
+    return noted
+
+
+@pytest.mark.parametrize("error", [None, OSError("torn")])
+def test_all_threads_that_wait_for_one_work_get_what_came_of_it(waits, error):
+    """As planners of equal graphs do, each with its own deadline."""
+    go = threading.Event()
+
+    def work():
+        go.wait()
+        if error is not None:
+            raise error
+        return "found"
+
+    deadlines = [time.perf_counter() + AGES, math.inf] * 3
+    with pytest.raises(OutOfTime):  # it has begun
+        result_by_deadline("one", work, time.perf_counter())
+    waits.clear()
+    pool = ThreadPoolExecutor(len(deadlines))
+    jobs = [pool.submit(result_by_deadline, "one", work, one) for one in deadlines]
+    while len(waits) < len(jobs):
+        time.sleep(0.01)
+    go.set()
+    assert [job.exception() or job.result() for job in jobs] == [error or "found"] * len(jobs)
+    pool.shutdown()
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """A planner of three limbs for which no table is stored, and a query."""
+    monkeypatch.setenv(CACHE_VARIABLE, "")
+    monkeypatch.setattr("mlivr_gym.stances.table_files._memory", OrderedDict())
+    graph = stance_graph(small_map(), "mlivr3")
+    start = random_state(graph, np.random.default_rng(0))
+    goal = np.clip(graph.posture_of(start).base_position[0] + 0.3, *graph.grasp_map.cabin)
+    return partial(Planner(graph).plan, start, goal, "steps", goal_tolerance=0.05)
+
+
+def test_a_query_ends_in_time_whatever_is_worked_out(asked, waits, monkeypatch):
+    """And the next one finds what was worked out meanwhile."""
+    calls, go = [], threading.Event()
+
+    def slowly(graph):
+        calls.append(graph)
+        go.wait()
+
+    monkeypatch.setattr("mlivr_gym.planners.searches.stored_table", slowly)
+    result = asked(time_limit=0.5)
+    assert result.reason == "limit reached"
+    assert "plan again" in result.message
+    assert waits
+    assert all(0.0 <= seconds <= 0.5 for seconds in waits)
+    go.set()
+    assert asked(time_limit=AGES).reason != "limit reached"
+    assert len(calls) == 1
+
+
+def test_a_query_with_time_waits_for_what_is_worked_out_for_it(asked):
+    """By a thread that needs nothing that the query holds meanwhile."""
+    assert asked(time_limit=15.0).reason != "limit reached"

@@ -58,13 +58,10 @@ def test_that_no_rule_helps_is_told_only_if_it_is_proved(small_map, monkeypatch)
         assert words in why_not.find_cause(graph, start, goal, 7).message
 
 
-@pytest.mark.parametrize("goal", [(8.0, 0.0, 0.0)])
 @pytest.mark.parametrize("face", [None, "overhead"])
-def test_a_goal_far_from_all_stances_is_refused_with_the_nearest_distance(
-    checked_graph, goal, face
-):
+def test_a_goal_far_from_all_stances_is_refused_with_the_nearest_distance(checked_graph, face):
     """In the plan's own message, too, and with the largest distance that is refused."""
-    graph, start = checked_graph, ("D2a:4", "D2b:4")
+    graph, start, goal = checked_graph, ("D2a:4", "D2b:4"), (8.0, 0.0, 0.0)
     planner = Planner(graph)
     on_face = np.array([face is None or one == face for one in graph.grasp_map.faces])
     bases = graph.base_position[on_face[graph.points].all(axis=1)]

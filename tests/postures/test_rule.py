@@ -8,7 +8,7 @@ import pytest
 from branches import arm_of, solutions
 from coal_ruler import grasps_of
 from compiled import called
-from oracle import flange, pinocchio_arm
+from oracle import at_grasp, flange, pinocchio_arm
 from scipy.spatial.transform import Rotation
 from stance_axes import axes_of
 
@@ -46,11 +46,7 @@ def choices(graph, stance, position, rotation):
             if branch_sets >> b & 1:
                 pose, jacobian = flange(arm, q[b])
                 w_m = limb_manipulability(jacobian, robot.characteristic_length)
-                jacobian = jacobian.copy()
-                jacobian[:3] += np.cross(jacobian[3:].T, robot.tool_length * pose[:3, 2]).T
-                found.append(
-                    (b, q[b], w_m, np.kron(np.eye(2), robot.mount_rotations[i]) @ jacobian)
-                )
+                found.append((b, q[b], w_m, at_grasp(robot, i, pose, jacobian)[0]))
         out.append(found)
     return out
 

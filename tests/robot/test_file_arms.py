@@ -5,7 +5,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from branches import arm_of, solutions
-from numeric_arms import frames_of as numeric_frames
+from oracle import frames_of as numeric_frames
 from robot_texts import (
     FRANKA,
     GEN3,

@@ -1,16 +1,23 @@
+"""Robots: mounts, figures, windows and folds, symmetry, faults, and joints that have failed."""
+
 import json
 from dataclasses import replace
 
 import numpy as np
 import oracle
+import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from wrist_arms import IIWA, flange_of, pinocchio_wrist_arm
 
-from mlivr_gym import RobotSpec, robot_spec
+from mlivr_gym import Limb, RobotSpec, robot_spec
 from mlivr_gym.collisions.contacts import capsule_ends
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.errors import MlivrError
+from mlivr_gym.collisions.limb_shapes import LimbShapes, folds_in_windows
+from mlivr_gym.errors import MlivrError, RobotError
 from mlivr_gym.robot.fields import geometric_order
+from mlivr_gym.robot.limb import link_frames
 from mlivr_gym.robot.mounts import Mount
 from mlivr_gym.schema import are_rotations
 from mlivr_gym.world.boxes import Box
@@ -25,6 +32,11 @@ def test_mounts_are_radial_at_equal_angles(limbs):
     assert are_rotations(robot.mount_rotations).all()
     np.testing.assert_allclose(robot.mount_rotations[:, :, 2], radial, atol=1e-12)
     np.testing.assert_allclose(robot.mount_positions, 0.1 * radial, atol=1e-12)
+
+
+def test_a_robot_folds_its_limbs_as_the_limb_says_if_it_does_not():
+    assert RobotSpec(limb=IIWA).folds == IIWA.default_folds
+    assert len(IIWA.default_folds) > 1
 
 
 def test_default_figures_are_the_published_ones():
@@ -135,3 +147,116 @@ def test_whatever_tells_one_limb_from_another_makes_a_robot_unsymmetric(limbs):
         ]
         assert not replace(robot, mounts=turned).is_symmetric
     assert replace(robot, body_size=(0.2, 0.2, 0.3)).is_symmetric == (limbs == 2)
+
+
+TURN = 2.0 * np.pi
+ANGLES = st.floats(-20.0, 20.0)
+
+
+@st.composite
+def limbs(draw):
+    """Limbs whose joints turn less than a turn, one, or more, wherever their windows begin."""
+    low = [draw(ANGLES) for _ in range(6)]
+    width = [draw(st.one_of(st.just(TURN), st.floats(0.1, 3.0 * TURN))) for _ in range(6)]
+    limits = tuple((a, a + b) for a, b in zip(low, width, strict=True))
+    return Limb(joint_limits=limits, window_starts=tuple(draw(ANGLES) for _ in range(6)))
+
+
+@given(limbs())
+def test_a_window_is_a_turn_within_the_limits_or_all_that_they_allow(limb):
+    """As near to its start as limits let it lie, and one winding of every angle."""
+    for (start, end), (low, high), wanted in zip(
+        limb.windows, limb.joint_limits, limb.window_starts, strict=True
+    ):
+        assert low <= start
+        assert end <= high
+        assert end - start == pytest.approx(min(TURN, high - low))
+        near = np.linspace(low, max(low, high - TURN), 1001)
+        assert abs(start - wanted) <= np.abs(near - wanted).min() + 1e-9
+
+
+@given(limbs(), st.lists(st.lists(ANGLES, min_size=5, max_size=5), max_size=4))
+def test_folds_are_kept_where_some_winding_of_every_joint_lies_in_its_window(limb, folds):
+    windings = TURN * np.arange(-20, 21)
+    expected = []
+    for fold in folds:
+        inside = [
+            [angle + k for k in windings if low <= angle + k <= high]
+            for angle, (low, high) in zip(fold, limb.windows, strict=False)
+        ]
+        if all(inside):
+            expected.append([values[0] for values in inside])
+    found = folds_in_windows(limb, folds)
+    np.testing.assert_allclose(found, np.array(expected).reshape(-1, 5), atol=1e-9)
+
+
+PAIR = replace(robot_spec("mlivr2"), name="pair", limb=replace(IIWA, locked_angle=0.8),
+                folds=IIWA.default_folds)  # fmt: skip
+HELD_AT = np.array([0.3, -0.9, 0.8, 1.2, -0.4, 0.7, 0.1])
+
+
+@pytest.mark.parametrize("joint", [1, 2, 3, 5, 6])
+def test_the_flange_stays_where_it_is_when_a_joint_fails(joint):
+    """By Pinocchio's model of all seven joints, seen from the body, in the same angles."""
+    robot = PAIR.with_failed_joint(0, joint, HELD_AT[joint - 1])
+    model, seen = pinocchio_wrist_arm(IIWA), []
+    for spec in (PAIR, robot):
+        limb = spec.every_limb[0]
+        moving = limb.moving_angles(HELD_AT)
+        np.testing.assert_allclose(limb.all_angles(moving), HELD_AT)
+        flange = link_frames(limb, moving)[-1]
+        mount = pin.SE3(spec.mount_rotations[0], spec.mount_positions[0]).homogeneous
+        seen.append(mount @ flange)
+    pose = flange_of(model, PAIR.limb, PAIR.limb.moving_angles(HELD_AT))[0]
+    mount = pin.SE3(PAIR.mount_rotations[0], PAIR.mount_positions[0]).homogeneous
+    np.testing.assert_allclose(seen, [mount @ pose] * 2, atol=1e-12)
+    assert robot.limb == PAIR.limb
+    assert robot.every_limb[1] == PAIR.limb
+    np.testing.assert_allclose(robot.mount_positions[1], PAIR.mount_positions[1], atol=1e-12)
+    assert RobotSpec.from_dict(robot.to_dict()) == robot
+
+
+def test_masses_stay_known_where_the_locked_joint_itself_fails():
+    robot = robot_spec("mlivr2-iiwa")
+    again = robot.with_failed_joint(1, 3, 0.5)
+    assert again.dynamics_of(1) == robot.dynamics_of(0)
+    assert again.mounted[1].capsules == robot.mounted[0].capsules
+    other = robot.with_failed_joint(1, 1, 0.5)
+    assert other.dynamics_of(0) == robot.dynamics_of(0)
+    assert other.mounted[1].dynamics is None
+    with pytest.raises(RobotError, match="cannot be simulated"):
+        other.dynamics_of(1)
+
+
+def test_joints_of_two_limbs_fail_one_after_the_other_and_two_of_one_limb_are_refused():
+    robot = PAIR.with_failed_joint(0, 2, -0.9)
+    both = robot.with_failed_joint(1, 5, -0.4)
+    held = [(limb.locked_joint, limb.locked_angle) for limb in both.every_limb]
+    assert held == [(2, -0.9), (5, -0.4)]
+    other = PAIR.with_failed_joint(1, 5, -0.4).with_failed_joint(0, 2, -0.9)
+    assert replace(other, name=both.name) == both
+    assert RobotSpec.from_dict(both.to_dict()) == both
+    assert both.with_failed_joint(0, 2, -0.9) == both
+    for joint in (2, 5):
+        words = f"limb 0 has joint 2 failed at -0.9 rad already; with joint {joint} failed at 0.3"
+        with pytest.raises(RobotError, match=words):
+            both.with_failed_joint(0, joint, 0.3)
+    with pytest.raises(
+        RobotError, match=r"locked_angle is 0.5 rad; joint 2 turns from -0.9 to -0.9"
+    ):
+        replace(robot.every_limb[0], locked_angle=0.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"locked_joint": 4}, "singular in every posture with joint 4 locked"),
+        ({"locked_joint": 7}, "quaternions make the last two axes that move parallel"),
+        ({"locked_angle": 3.0}, "limb.locked_angle is 3 rad; joint 3 turns from -2.9"),
+        ({"origins": ((0.1, 0.0, 0.0), *IIWA.origins[1:])}, "put joint 1 beside the z axis"),
+    ],
+)
+def test_bad_limbs_are_refused(changes, told):
+    with pytest.raises(RobotError, match=told) as caught:
+        replace(IIWA, **changes)
+    assert "\n" not in str(caught.value)

@@ -1,3 +1,5 @@
+"""Stance graphs: steps, refusals, and what a caller may give for a state or a stance."""
+
 import json
 from dataclasses import replace
 
@@ -8,6 +10,7 @@ from paper import NO_COLLISIONS
 
 from mlivr_gym import Box, GraspMap, Settings, State, jem_map, robot_spec, stance_graph
 from mlivr_gym.errors import MapError, RobotError, SettingError, StanceError
+from mlivr_gym.planners import Planner
 from mlivr_gym.stances.random_states import random_state
 
 
@@ -45,17 +48,23 @@ def test_thresholds_hold_for_every_stance(small_map, small_graph):
     }
 
 
-@pytest.mark.parametrize("limbs", [3, 4])
-def test_a_step_can_always_be_taken_back(jem, limbs):
-    graph = stance_graph(jem, f"mlivr{limbs}", NO_COLLISIONS)
-    rng = np.random.default_rng(limbs)
-    state = random_state(graph, rng)
-    for _ in range(6):
-        steps = graph.successors(state)
-        assert len(steps.limb) > 0
-        k = int(rng.integers(len(steps.limb)))
-        before, state = state, steps.after(state, k)
-        assert (int(steps.limb[k]), before.stance[steps.limb[k]]) in steps_of(graph, state)
+def test_occupied_points_are_not_grasped(small_graph):
+    """And steps to all others are left as they are."""
+    graph, taken = small_graph, [3, 8, 20]
+    states = [state_of(graph, s) for s in range(0, len(graph), 61)]
+    free, some = [steps_of(graph, state) for state in states], 0
+    graph.occupy(taken)
+    for state, steps in zip(states, free, strict=True):
+        if graph.occupied.intersection(state.stance):
+            with pytest.raises(StanceError, match="occupied"):
+                graph.state(state.stance)
+            continue
+        left = {step: kept for step, kept in steps.items() if step[1] not in taken}
+        assert steps_of(graph, state) == left
+        some += len(left) < len(steps)
+    graph.vacate()
+    assert some
+    assert [steps_of(graph, state) for state in states] == free
 
 
 @pytest.mark.parametrize("name", ["likely_base", "nodes", "postures"])
@@ -152,3 +161,84 @@ def test_a_graph_of_a_map_in_a_file_or_as_plain_data(ladder, tmp_path):
         stance_graph(str(tmp_path / "none.json"))
     with pytest.raises(SettingError, match="settings is 3; it must be a Settings"):
         stance_graph(ladder, settings=3)
+
+
+NAN, HUGE = float("nan"), 2**70
+
+
+@pytest.fixture(scope="module", params=["mlivr2", "mlivr3"])
+def either(request, small_map):
+    return stance_graph(small_map, request.param, NO_COLLISIONS)
+
+
+@pytest.fixture(scope="module")
+def state(either):
+    return random_state(either, np.random.default_rng(0))
+
+
+def first_replaced(values, number):
+    return (number, *values[1:])
+
+
+BAD = [-1, 38, HUGE, NAN]
+
+
+@pytest.mark.parametrize("number", BAD, ids=str)
+def test_points_that_are_none_are_named(either, state, number):
+    assert len(either.grasp_map) == 38
+    for stance in (first_replaced(state.stance, number), (*state.stance[:-1], number)):
+        bad = State(stance, state.branch_sets)
+        for ask in (
+            lambda bad=bad: either.successors(bad),
+            lambda bad=bad: either.configuration(bad),
+            lambda bad=bad: either.posture_of(bad),
+            lambda bad=bad: either.postures_of([state, bad]),
+            lambda bad=bad: either.branch_set_after_grasp(bad, 0),
+            lambda stance=stance: either.posture(stance),
+            lambda stance=stance: either.step_to(state, stance),
+            lambda stance=stance: either.state(stance),
+        ):
+            with pytest.raises(StanceError, match=r"0 to 37|38 points|stance\[\d\] is .* index"):
+                ask()
+
+
+@pytest.mark.parametrize("number", [-1, 1 << 16, HUGE, NAN], ids=str)
+def test_masks_that_are_none_are_named(either, state, number):
+    bad = State(state.stance, first_replaced(state.branch_sets, number))
+    for ask in (either.successors, either.posture_of, either.configuration):
+        with pytest.raises(StanceError, match="whole numbers from 0 to 65535"):
+            ask(bad)
+
+
+def test_rows_of_stances_that_are_none_are_named(either):
+    n = either.limbs
+    for rows in (
+        [[-1] * n], [[38] * n], [[HUGE] * n], np.full((1, n), NAN), np.zeros((1, n)),
+        np.arange(n + 1), np.zeros((1, n + 1), dtype=int), [[0] * n, [0]], "ab", 5, None, [],
+    ):  # fmt: skip
+        with pytest.raises(StanceError, match="point indices from 0 to 37"):
+            either.postures(rows)
+
+
+def test_a_step_to_the_same_stance_is_none(either, state):
+    assert either.step_to(state, state.stance) is None
+
+
+def test_no_stances_have_no_postures_and_no_steps(either, state, small_map):
+    """A map with a point for each limb and no more leaves no step."""
+    nothing = either.postures(np.zeros((0, either.limbs), dtype=int))
+    assert nothing.branch_sets.shape == nothing.w_m.shape == (0, either.limbs)
+    alone = small_map.subset(np.isin(np.arange(len(small_map)), state.stance), "alone")
+    few = stance_graph(alone, either.robot, NO_COLLISIONS)
+    assert len(few.successors(few.state(tuple(either.ids(state.stance)))).limb) == 0
+
+
+@pytest.mark.parametrize("kind", [np.int8, np.uint64, "id"])
+def test_points_are_given_by_id_or_by_whole_numbers_of_any_type(either, state, kind):
+    ids, goal = either.grasp_map.ids, either.configuration(state)[0].tolist()
+    given = [ids[k] if kind == "id" else kind(k) for k in state.stance]
+    assert [either.grasp_map.index(point) for point in given] == list(state.stance)
+    assert either.indices(given) == state.stance
+    assert either.state(given) == either.state(state.stance)
+    found = Planner(either).plan(given, goal, "steps").unwrap()
+    assert found.stances[0] == tuple(ids[k] for k in state.stance)

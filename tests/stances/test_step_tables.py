@@ -1,22 +1,16 @@
-"""Tables of steps: with points taken away, and the names of their files."""
+"""Step tables: with points taken away, of any content, and the names of their files."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_tables import small_table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
-from mlivr_gym.compiled.cache import CACHE_VARIABLE
-from mlivr_gym.stances.step_tables import step_tables, without_points
+from mlivr_gym.stances.step_tables import StepTables, step_tables, without_points
 from mlivr_gym.stances.table_file import TABLES
-from mlivr_gym.stances.table_files import TableError
+from mlivr_gym.stances.table_steps import LookaheadGoals, write_action_lookahead
 
-
-@pytest.fixture(autouse=True)
-def cache(monkeypatch, tmp_path):
-    """An empty cache folder."""
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+pytestmark = pytest.mark.usefixtures("empty_cache")
 
 
 def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
@@ -37,9 +31,8 @@ def test_tables_without_some_points_are_those_of_the_occupied_map(small_map):
         np.testing.assert_array_equal(getattr(step_tables(graph), name), there)
 
 
-def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, tmp_path):
+def test_the_cache_tells_robots_maps_and_settings_apart(small_map):
     """Whatever decides on a step is in the name of the file."""
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     fewer = small_map.subset(small_map.positions[:, 0] < 2.2, "smaller")
     robot, checked = robot_spec("mlivr2"), Settings(collisions=False)
     graphs = [
@@ -58,27 +51,68 @@ def test_the_cache_tells_robots_maps_and_settings_apart(small_map, monkeypatch, 
     assert TABLES.cached(graphs[0]) == TABLES.cached(stance_graph(fewer, "mlivr2", checked))
 
 
-def test_a_table_with_a_number_just_outside_its_range_is_refused(tmp_path):
-    """Compiled code uses these numbers as indices, and checksums are those of what was written."""
-    graph, _ = small_table(2)
-    path, arrays = tmp_path / "table.npz", TABLES.encode(graph, graph.graph_table)
+POINTS = 6
 
-    def is_refused(**changed):
-        path.write_bytes(TABLES.pack(graph, arrays | changed, 0))
-        try:
-            TABLES.read(graph, path)
-        except TableError:
-            return True
-        return False
 
-    outside = {
-        "tried": (-1, 1 << 12), "branch": (-1, 8), "mask_index": (len(arrays["mask"]),),
-        "manipulability_index": (-1, len(arrays["manipulability"])),
-        "lost_index": (len(arrays["lost"]),),
-    }  # fmt: skip
-    assert not is_refused()
-    for name, values in outside.items():
-        for value in values:
-            changed = arrays[name].astype(np.int64)
-            changed.flat[changed.argmax()] = value
-            assert is_refused(**{name: changed}), (name, value)
+def random_tables(rng):
+    """Steps between every two stances that share a point, some left out; few bits in the branch
+    sets."""
+    points = [(a, b) for a in range(POINTS) for b in range(POINTS) if a != b]
+    points = [points[k] for k in sorted(rng.choice(len(points), 18, replace=False))]
+    n, start, after, to_point, kept = len(points), [0], [], [], []
+    for s in range(n):
+        for moving in range(2):
+            for s2 in sorted(range(n), key=lambda s2, j=moving: points[s2][j]):
+                same = points[s2][1 - moving] == points[s][1 - moving]
+                if s2 != s and same and rng.random() < 0.7:
+                    after.append(s2)
+                    to_point.append(points[s2][moving])
+                    kept.append(int(rng.integers(1, 8)))
+            start.append(len(after))
+    return StepTables(
+        np.array(points, dtype=np.int32), rng.normal(size=(n, 3)),
+        rng.integers(0, 8, (n, 2)).astype(np.int32), rng.integers(0, 8, (n, 2)).astype(np.int32),
+        np.array(start), np.array(after, dtype=np.int32), np.array(to_point, dtype=np.uint16),
+        np.array(kept, dtype=np.uint16),
+    )  # fmt: skip
+
+
+def plain_steps(tables, s, branch_sets):
+    """Limb, index of the step, stance after it, and what the other limb keeps."""
+    out = []
+    for moving in range(2):
+        if not branch_sets[moving] & tables.releasable[s, moving]:
+            continue
+        for e in range(tables.start[2 * s + moving], tables.start[2 * s + moving + 1]):
+            kept = int(branch_sets[1 - moving] & tables.kept[e])
+            if kept:
+                out.append((moving, e, int(tables.after[e]), kept))
+    return out
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_where_the_steps_after_an_action_lead(seed):
+    rng = np.random.default_rng(seed)
+    tables, k, depth = random_tables(rng), 12, 2
+    stances, branch_sets = rng.integers(0, len(tables.points), k), rng.integers(0, 8, (k, 2))
+    goals, free = rng.normal(size=(k, 3)), rng.random((k, POINTS)) < 0.8
+    of_points = rng.random((k, 2, POINTS, 2 * depth)) * 3.0
+    found = np.zeros((k, 2, POINTS, 2 * depth + 2))
+    found[..., : depth + 1] = 2.5
+    expected = found.copy()
+    write_action_lookahead(
+        stances, branch_sets, tables, LookaheadGoals(goals, 1.5, free, of_points), found
+    )
+    for i in range(k):
+        for moving, _, s2, kept in plain_steps(tables, stances[i], branch_sets[i]):
+            grasped = int(tables.releasable[s2, moving])
+            after = (grasped, kept) if moving == 0 else (kept, grasped)
+            out = expected[i, moving, tables.points[s2, moving]]
+            for limb, _, s3, _ in plain_steps(tables, s2, after):
+                point = tables.points[s3, limb]
+                if free[i, point]:
+                    away = np.linalg.norm(tables.base_position[s3] - goals[i])
+                    ahead = of_points[i, limb, point]
+                    out[: depth + 1] = np.minimum(out[: depth + 1], [away, *ahead[:depth]])
+                    out[depth + 1 :] += [away <= 1.5, *ahead[depth:]]
+    np.testing.assert_allclose(found, expected, atol=1e-12)

@@ -1,14 +1,13 @@
-"""Building of tables: stopped and gone on with, by several at once, on a full disk."""
+"""Tables: parts of a build, stopped and gone on with, by several at once, on a full disk."""
 
 import json
 import logging
-import subprocess
-import sys
-from collections import OrderedDict
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 import pytest
+from processes import printed
 from small_tables import small_table, stop_at
 
 from mlivr_gym import Box, stance_graph
@@ -16,19 +15,13 @@ from mlivr_gym.compiled.cache import CACHE_VARIABLE, kernel_root
 from mlivr_gym.errors import SettingError
 from mlivr_gym.files import FileError
 from mlivr_gym.stances import node_table_build, parts, table_files
+from mlivr_gym.stances.parts import Parts
 from mlivr_gym.stances.table_build import build_table
 from mlivr_gym.stances.table_file import TABLES
 from mlivr_gym.stances.table_files import CHECKED
 
+pytestmark = pytest.mark.usefixtures("empty_cache")
 KERNELS = kernel_root()
-
-
-@pytest.fixture(autouse=True)
-def cache(monkeypatch, tmp_path):
-    """An empty cache folder."""
-    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
-    monkeypatch.setattr(table_files, "_memory", OrderedDict())
-    return tmp_path / "cache"
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +63,7 @@ def assert_same(graph, whole):
 
 @pytest.mark.parametrize(("limbs", "share"), [(2, 0.8), (3, 0.3)])
 def test_a_build_that_was_stopped_goes_on_where_it_was(
-    fewer, whole, cache, written, monkeypatch, limbs, share
+    fewer, whole, empty_cache, written, monkeypatch, limbs, share
 ):
     """Each part is worked out once."""
     monkeypatch.setattr(node_table_build, "STANCES_AT_ONCE", 60)
@@ -86,13 +79,13 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(
     with pytest.raises(KeyboardInterrupt):
         build_table(graph(), stop_at(share))
     before = len(written)
-    assert before == len(list(cache.glob("parts-*/*.npz"))) > 1
+    assert before == len(list(empty_cache.glob("parts-*/*.npz"))) > 1
     again = graph()
     path = build_table(again)
     assert path == TABLES.cached(again)
     assert before < len(written) == len(set(written))
     assert path.is_file()
-    assert not list(cache.glob("parts-*"))
+    assert not list(empty_cache.glob("parts-*"))
     if limbs == 2:
         assert_same(again, whole)
         assert_same(graph(), whole)
@@ -109,12 +102,14 @@ def test_a_build_that_was_stopped_goes_on_where_it_was(
     assert set(written) == every
 
 
-def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(fewer, whole, cache, monkeypatch):
+def test_a_part_that_was_cut_off_or_altered_is_worked_out_anew(
+    fewer, whole, empty_cache, monkeypatch
+):
     """Nothing, something else, or one byte that differs is left of each."""
     monkeypatch.setattr(node_table_build, "PAIRS_AT_ONCE", 300)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(fewer), stop_at(0.8))
-    for k, path in enumerate(sorted(cache.glob("parts-*/joined-*"))):
+    for k, path in enumerate(sorted(empty_cache.glob("parts-*/joined-*"))):
         content = bytearray(path.read_bytes())
         content[len(content) // 2] ^= 0xFF
         path.write_bytes((b"", b"no archive", content)[k % 3])
@@ -134,23 +129,16 @@ print(build_table(graph), graph.is_complete)
 """
 
 
-def test_two_processes_build_at_once(fewer, whole, cache):
-    cache.mkdir()
-    (cache / "kernels").symlink_to(KERNELS)  # to compile takes minutes
-    command, text = [sys.executable, "-c", BUILD], json.dumps(fewer.to_dict())
+def test_two_processes_build_at_once(fewer, whole, empty_cache):
+    (empty_cache / "kernels").symlink_to(KERNELS)  # to compile takes minutes
+    text = json.dumps(fewer.to_dict())
     with ThreadPoolExecutor(2) as pool:
-        both = pool.map(
-            lambda _: subprocess.run(
-                command, input=text, stdout=subprocess.PIPE, text=True, check=True
-            ),
-            range(2),
-        )
-        told = [one.stdout.splitlines() for one in both]
+        told = list(pool.map(lambda _: printed("-c", BUILD, given=text), range(2)))
     graph = stance_graph(fewer)
     assert told == [[f"{TABLES.cached(graph)} True"]] * 2
     assert_same(graph, whole)
     name = TABLES.cached(graph).name
-    assert {path.name for path in cache.iterdir()} - {f"{name}{CHECKED}"} == {"kernels", name}
+    assert {path.name for path in empty_cache.iterdir()} - {f"{name}{CHECKED}"} == {"kernels", name}
 
 
 @pytest.mark.parametrize("is_full", [False, True])
@@ -179,7 +167,7 @@ def test_a_table_that_cannot_be_written_is_told_and_all_goes_on(
         assert all(line.endswith("No space left on device") for line in lines)
 
 
-def test_parts_of_another_source_are_not_used(fewer, cache, monkeypatch, written):
+def test_parts_of_another_source_are_not_used(fewer, empty_cache, monkeypatch, written):
     monkeypatch.setattr(node_table_build, "PAIRS_AT_ONCE", 300)
     with pytest.raises(KeyboardInterrupt):
         build_table(stance_graph(fewer), stop_at(0.8))
@@ -199,3 +187,30 @@ def test_no_table_is_built_of_a_world_that_was_changed(ladder, change):
         graph.occupy([ladder.ids[0]])
     with pytest.raises(SettingError, match="without obstacles and occupied points; clear them"):
         build_table(graph)
+
+
+BLOCKS = [(k, 10 * k) for k in range(40)]
+
+
+def test_threads_that_are_not_wanted_any_more_stop(monkeypatch):
+    """All but the first wait until the pool is left."""
+    left, shutdown = Event(), ThreadPoolExecutor.shutdown
+
+    def work(number, _):
+        done.append(number)
+        if number > 0:
+            left.wait()
+        return []
+
+    def leave(pool, *args, **options):
+        left.set()
+        shutdown(pool, *args, **options)
+
+    def stop(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ThreadPoolExecutor, "shutdown", leave)
+    done = []
+    with pytest.raises(KeyboardInterrupt):
+        Parts(None).of_blocks(work, BLOCKS, (), 2, stop)
+    assert len(done) <= 3

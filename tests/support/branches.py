@@ -36,6 +36,12 @@ def angles_on(arm, p, r, branch, slack=SINGULAR_TOO):
     return q if found else None
 
 
+def branch_of(arm, pose, q):
+    """The branch of joint angles at their flange pose."""
+    _, out = solutions(arm, pose[:3, 3], pose[:3, :3])
+    return int(np.nanargmin(np.abs(np.exp(1j * out) - np.exp(1j * q)).max(axis=1)))
+
+
 def solutions(arm, p, r, slack=SINGULAR_TOO):
     """The branches that reach a flange pose as a mask, and the angles, NaN where there are none."""
     mask, out = 0, np.full((8, 6), np.nan)

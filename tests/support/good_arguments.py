@@ -10,9 +10,8 @@ import numpy as np
 from public_api import parameters
 from things import MAKERS
 
-from mlivr_gym import MlivrError, robot_spec
+from mlivr_gym import robot_spec
 from mlivr_gym.robot.limb_dynamics import LimbDynamics
-from mlivr_gym.schema import FieldPath
 
 QUICK_TRAINING = {"rounds": 1, "layouts": 1, "goals": 1, "rollouts": 1, "updates": 1}
 
@@ -138,24 +137,18 @@ SPECIAL = {
 }
 """Arguments of some callables; those without a default value have others beside them."""
 
-CORNERS = {"low": np.zeros((1, 3)), "high": np.ones((1, 3))}
 POINTS = [
     {"id": "P", "face": "deck", "position": [0, 0, 0], "normal": [0, 0, 1], "rail": [1, 0, 0]}
 ]
 
 
 NAMED = {
-    "graph": lambda of: of["StanceGraph"],
-    "grasp_map": lambda of: of.map,
     "start": lambda of: of.query["start"],
     "goal": lambda of: of.query["goal"],
     "stance": lambda of: of["State"].stance,
     "stances": lambda of: np.array([of["State"].stance]),
     "point": lambda of: of["State"].stance[0],
     "rotations": lambda of: np.eye(3)[None],
-    "angles": lambda of: of["Plan"].configuration(0)[2],
-    "place": lambda of: FieldPath("limb", MlivrError),
-    "characteristic_length": lambda of: 0.87,
     "w_m": lambda of: 0.1,
     "limb": lambda of: 0,
     "limbs": lambda of: 2,
@@ -171,20 +164,17 @@ NAMED = {
     "joints": lambda of: of["Plan"].configuration(0)[2],
     "configuration": lambda of: of["Plan"].configuration(0),
     "configurations": lambda of: [of["Plan"].configuration(0)],
-    "present": lambda of: of["Plan"].configuration(0),
     "points": lambda of: of["Plan"].stances[0],
     "positions": lambda of: np.zeros((2, 3)),
     "name": lambda of: "ur5e",
     "radius": lambda of: 0.1,
     "seed": lambda of: 0,
     "width": lambda of: 32,
-    "height": lambda of: 16,
     "cost": lambda of: "base",
     "episodes": lambda of: 1,
     "total": lambda of: 10.0,
     "action": lambda of: int(np.flatnonzero(of["MlivrEnv"].action_masks())[0]),
     "time": lambda of: 0.0,
-    "plans": lambda of: [(of["Plan"], 1)],
     "after": lambda of: of["StanceGraph"].neighbouring_nodes(of["State"].stance)[0][0],
 }
 

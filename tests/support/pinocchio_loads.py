@@ -32,13 +32,9 @@ def loads_of(robot, walk, holding):
     turns = Rotation.from_quat(walk.base_quaternions, scalar_first=True)
     joints = walk.joint_positions.reshape(count, -1)
     positions = np.column_stack([walk.base_positions, turns.as_quat(), joints])
-    moved = np.column_stack(
-        [
-            turns[:-1].inv().apply(np.diff(walk.base_positions, axis=0)),
-            (turns[:-1].inv() * turns[1:]).as_rotvec(),
-            np.diff(joints, axis=0),
-        ]
-    )
+    back = turns[:-1].inv()
+    shifts, rotations = back.apply(np.diff(walk.base_positions, axis=0)), (back * turns[1:])
+    moved = np.column_stack([shifts, rotations.as_rotvec(), np.diff(joints, axis=0)])
     rates = moved / period  # between samples, in the axes of the base
     speeds, changes = 0.5 * (rates[1:] + rates[:-1]), np.diff(rates, axis=0) / period
     torques, wrenches, grippers, momenta = [], [], [], []

@@ -20,17 +20,10 @@ from mlivr_gym.robot.rigid import rigid
 from mlivr_gym.transitions.departures import Departure, departure_of
 from mlivr_gym.transitions.grasp_poses import angles_above
 
-EVERY = {(branch, flip) for branch in range(8) for flip in (0, 1)}
-
 
 def members(branch_set):
     """Branch and flip of each bit."""
     return {(bit % 8, bit // 8) for bit in range(16) if int(branch_set) >> bit & 1}
-
-
-def branch_set_of(pairs):
-    """The same as bits."""
-    return sum(1 << branch + 8 * flip for branch, flip in pairs)
 
 
 def branches(pairs):

@@ -1,16 +1,14 @@
 """Instances of the public classes, how they are used, and what is then asked of them."""
 
-import importlib
 import inspect
-import re
 from dataclasses import fields, is_dataclass
 from functools import cache
-from pathlib import Path
 from typing import NamedTuple
 
 import gymnasium
 import numpy as np
 from map_data import LADDER
+from public_api import PAGES, members
 from small_tables import small_map, small_table
 
 from mlivr_gym import Box, jem_map, stance_graph
@@ -30,8 +28,6 @@ from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import run_search
 from mlivr_gym.planners.table_search import TableSearch
 
-REFERENCE = Path(__file__).parents[2] / "docs" / "reference"
-
 START, TARGET = ("D2a:4", "D2b:4"), (6.0, 0.0, 0.42)
 BOX = Box.between("box", "obstacle", (3.0, -0.5, -0.2), (3.3, -0.2, 0.1))
 IN_VIEW = Box.between("box", "obstacle", (1.0, -0.3, 0.2), (1.4, 0.3, 0.6))
@@ -46,19 +42,7 @@ GOAL = Goal(np.array(TARGET), 0.2, Cost.named("base"))
 @cache
 def public_classes():
     """The classes of the API reference, by their names."""
-    found = {}
-    for page in sorted(REFERENCE.glob("*.md")):
-        for kind, path, options in re.findall(
-            r"\.\. auto(module|class):: (\S+)\n((?:   :.*\n)*)", page.read_text()
-        ):
-            module, _, name = path.rpartition(".")
-            listed = re.findall(r"\w+", "".join(re.findall(":members:(.*)", options)))
-            module, names = (path, listed) if kind == "module" else (module, [name])
-            for given in names:
-                one = getattr(importlib.import_module(module), given)
-                if inspect.isclass(one):
-                    found[given] = one
-    return found
+    return {one.__name__: one for page in PAGES for one in members(page) if inspect.isclass(one)}
 
 
 def same(one, other, known=None):

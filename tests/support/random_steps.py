@@ -5,7 +5,7 @@ import numpy as np
 from mlivr_gym.compiled.bit_sets import ALL
 from mlivr_gym.errors import StanceError
 from mlivr_gym.stances.checked_steps import join
-from mlivr_gym.stances.random_states import random_stance
+from mlivr_gym.stances.random_states import random_stance, random_state
 from mlivr_gym.transitions.records import StepRecord
 
 
@@ -22,6 +22,14 @@ def neighbouring_points(graph, count, seed):
         if len(chosen) == graph.limbs:
             rows.append(chosen)
     return np.array(rows)
+
+
+def random_walk(graph, rng, count, start=None):
+    """States of a walk of `count` random steps, fewer where there are none; legal, from a start."""
+    states = [random_state(graph, rng) if start is None else start]
+    while len(states) <= count and (steps := graph.successors(states[-1])):
+        states.append(steps.after(states[-1], int(rng.integers(len(steps.limb)))))
+    return states
 
 
 def two_stances(graph, rng):

@@ -2,26 +2,8 @@
 
 from contextlib import contextmanager
 from copy import deepcopy
-from functools import cache
 
 from mlivr_gym.stances.stance_graph import StanceGraph
-
-
-@contextmanager
-def remembered(graph, *names):
-    """Some methods of a graph answer each question once while its world stays as it is.
-
-    Searches of different costs and goals from the same starts meet the same states: asked once,
-    they take a fraction of the time, and are given the same.
-    """
-    for name in names:
-        setattr(graph, name, cache(getattr(graph, name)))
-    try:
-        yield graph
-    finally:
-        for name in names:
-            delattr(graph, name)
-
 
 STEPS = {}
 """Steps that leave a state, by robot, world and state."""

@@ -23,20 +23,6 @@ def told(values):
     return " ".join(repr(float(value)) for value in np.ravel(values))
 
 
-def frames_of(lengths):
-    """Frames of the joints and the flange of a UR arm at angles 0, standard DH convention."""
-    d1, a2, a3, d4, d5, d6 = lengths
-    frame, out = np.eye(4), []
-    rows = ((d1, 0, 90), (0, a2, 0), (0, a3, 0), (d4, 0, 90), (d5, 0, -90), (d6, 0, 0))
-    for d, a, alpha in rows:
-        out.append(frame)
-        step = np.eye(4)
-        step[:3, :3] = Rotation.from_euler("x", alpha, degrees=True).as_matrix()
-        step[:3, 3] = a, 0, d
-        frame = frame @ step
-    return [*out, frame]
-
-
 def frames_along(steps):
     """Frames of the joints and the flange of an arm at angles 0, joints turning about z.
 
@@ -50,6 +36,16 @@ def frames_along(steps):
         frame = frame @ step
         out.append(frame)
     return out
+
+
+def frames_of(lengths):
+    """Frames of the joints and the flange of a UR arm at angles 0, standard DH convention."""
+    d1, a2, a3, d4, d5, d6 = lengths
+    return frames_along((
+        ((0.0, 0.0, 0.0), "x", 0.0), ((0.0, 0.0, d1), "x", 90.0), ((a2, 0.0, 0.0), "x", 0.0),
+        ((a3, 0.0, 0.0), "x", 0.0), ((0.0, 0.0, d4), "x", 90.0), ((0.0, 0.0, d5), "x", -90.0),
+        ((0.0, 0.0, d6), "x", 0.0),
+    ))  # fmt: skip
 
 
 IIWA14 = frames_along((

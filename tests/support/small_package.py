@@ -1,10 +1,9 @@
 """A small package with kernels that call each other across files, compiled and cached as ours."""
 
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
+
+from processes import printed
 
 from mlivr_gym.compiled import cache
 
@@ -57,15 +56,5 @@ def package_in(folder):
 
 def run_with(package, kept, code, **variables):
     """What a process prints that has the package, and keeps machine code in a folder."""
-    environment = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
-    environment |= {"PYTHONPATH": str(package.parent), cache.CACHE_VARIABLE: str(kept)} | variables
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=environment,
-        cwd=package.parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+    variables |= {"PYTHONPATH": package.parent, cache.CACHE_VARIABLE: kept, "NUMBA_CACHE_DIR": ""}
+    return printed("-c", code, cwd=package.parent, **variables)

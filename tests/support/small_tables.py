@@ -1,6 +1,5 @@
 """Tables of all nodes of robots with two, three and four limbs on a few points."""
 
-from contextlib import contextmanager
 from functools import cache
 
 import numpy as np
@@ -8,7 +7,7 @@ from shared_graphs import shared
 from time_limit import AGES
 from unequal_robots import unequal
 
-from mlivr_gym import Box, jem_map, stance_graph
+from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.planners import SearchOptions
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.table_search import TableSearch
@@ -32,16 +31,6 @@ def small_table(limbs, is_unequal=False):
     graph = shared(stance_graph(small_map(), unequal(limbs) if is_unequal else f"mlivr{limbs}"))
     graph.graph_table = build(graph)
     return graph, graph.table
-
-
-@contextmanager
-def small_table_with_box(limbs, half):
-    """The graph of `small_table`, with a cube beside its nodes while it is used."""
-    graph, table = small_table(limbs)
-    centre = table.base_position.mean(axis=0) + np.array([0.0, 0.5, 0.0])
-    graph.add_obstacles([Box.between("box", "obstacle", centre - half, centre + half)])
-    yield graph
-    graph.remove_obstacles()
 
 
 def searching(bounds, goal, start, **options):

@@ -4,14 +4,10 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from branches import arm_of, solutions
 from scipy.spatial.transform import Rotation
 from ssik.solvers.jointlock import seven_r
 
-from mlivr_gym import RobotSpec
-from mlivr_gym.collisions.limb_shapes import LimbShapes
-from mlivr_gym.kinematics.grasps import Grasp
-from mlivr_gym.kinematics.limb import Angles, held_angles
-from mlivr_gym.kinematics.poses import Pose
 from mlivr_gym.robot.from_file import read_robot
 
 HELD_ANGLE = 0.8
@@ -66,23 +62,10 @@ def solutions_of_ssik(arm, held, pose):
     return np.array([one.q for one in found]).reshape(-1, arm.dof)
 
 
-def solutions_of_package(limb, pose):
-    """The branches of a limb at a flange pose in its base frame, shape (number, 6) [rad]."""
-    spec = RobotSpec(limb=limb)
-    bases, grasps, out = Pose.rows(8), Grasp.rows(8)[:, None], Angles.rows(8)[:, None]
-    bases["rotation"][:] = np.eye(3)
-    mount = spec.mounted[0]
-    turn = np.array(mount.rotation)
-    grasps["flange"]["position"][:, 0] = mount.position + turn @ pose[:3, 3]
-    grasps["flange"]["rotation"][:, 0] = turn @ pose[:3, :3]
-    held_angles(LimbShapes(spec).rows, bases, grasps, np.arange(8)[:, None], out)
-    angles = out["q"].reshape(8, 6)
-    return angles[np.isfinite(angles[:, 0])]
-
-
 def solutions_of_file(limb, held, pose):
     """The angles of all joints on the branches of a limb, shape (number, joints) [rad]."""
-    found = solutions_of_package(limb, pose)
+    _, found = solutions(arm_of(limb), pose[:3, 3], pose[:3, :3])
+    found = found[np.isfinite(found[:, 0])]
     return found if held is None else np.insert(found, held - 1, HELD_ANGLE, axis=1)
 
 

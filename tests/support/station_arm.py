@@ -13,6 +13,7 @@ from oracle import flange
 
 from mlivr_gym import Limb
 from mlivr_gym.robot.dh_table import frames_of_dh, ur_dh
+from mlivr_gym.robot.rigid import rigid
 
 JOINTS = (
     ((1.3589, 0.0, 0.0), "x"),
@@ -40,32 +41,8 @@ SIGNS = np.array([1.0, -1.0, -1.0, -1.0, -1.0, 1.0])
 ZEROS = np.array([0.0, 0.0, 0.0, 0.0, -np.pi / 2, 0.0])
 """Angles of the limb's joints where those of the published arm are zero [rad]."""
 
-LINKS = (
-    ("xyz", (0.0, 0.0, 0.7026)),
-    ("xyz", (0.0, 0.0, 0.0)),
-    ("xzY", (0.0, 0.5692, 0.0)),
-    ("xzY", (0.0, 0.5692 + 0.475, 0.0)),
-    ("xzY", (0.0, -0.5692, 0.0)),
-    ("yxZ", (0.0, 0.0, -0.7026)),
-    ("yzx", END),
-)
-"""Links 0 to 6 of the limb as seen from the published bodies 1 to 7, each after its joint.
-
-Their axes lie along those axes of the body, a capital runs backwards; then their origins [m]. Link
-0 is the limb's base, which is at rest with body 1; link 6 is the flange.
-"""
-
-
-def transform(rotation, place):
-    """A homogeneous transform."""
-    out = np.eye(4)
-    out[:3, :3], out[:3, 3] = rotation, place
-    return out
-
-
-def along(axes):
-    """Rotation whose columns lie along axes given by their letters."""
-    return np.stack([np.eye(3)["xyz".index(a.lower())] * (-1) ** a.isupper() for a in axes], 1)
+AXES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+"""Axes of the flange in those of the end effector."""
 
 
 def published_arm():
@@ -82,13 +59,6 @@ def published_arm():
 MODEL = published_arm()
 
 
-def bodies(angles):
-    """The published bodies 1 to 7 seen from their base, shape (7, 4, 4), for seven angles [rad]."""
-    data = MODEL.createData()
-    pin.forwardKinematics(MODEL, data, np.array(angles))
-    return np.array([pose.homogeneous for pose in data.oMi[1:]])
-
-
 def end_of(angles):
     """End effector seen from the base, shape (4, 4), and its Jacobian, shape (6, 7)."""
     return flange(MODEL, np.array(angles), "end")
@@ -101,18 +71,4 @@ MOUNT = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
 def flange_in_mount(locked, q):
     """Flange of the limb in its mount, shape (4, 4), and the Jacobian of all seven joints."""
     end, jacobian = end_of([locked, *SIGNS * (q - ZEROS)])
-    return transform(MOUNT @ end[:3, :3] @ along(LINKS[6][0]), MOUNT @ end[:3, 3]), jacobian
-
-
-def links(locked, q):
-    """Links 0 to 6 of the limb seen from its base, shape (7, 4, 4), by the published model.
-
-    Args:
-        locked: Angle at which joint 1 is locked [rad].
-        q: Joint angles of the limb [rad], shape (6,).
-    """
-    poses = bodies([locked, *SIGNS * (q - ZEROS)])
-    seen = np.array(
-        [pose @ transform(along(at[0]), at[1]) for pose, at in zip(poses, LINKS, strict=True)]
-    )
-    return np.linalg.inv(seen[0]) @ seen
+    return rigid(MOUNT @ end[:3, :3] @ AXES, MOUNT @ end[:3, 3]), jacobian

@@ -12,7 +12,6 @@ from plans import first_steps
 from mlivr_gym import (
     Box,
     Settings,
-    jem_map,
     robot_spec,
     stance_graph,
 )
@@ -28,19 +27,17 @@ from mlivr_gym.extensions.closed_loop.belief import Belief
 from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.env import ClosedLoopEnv
 from mlivr_gym.extensions.closed_loop.loop import run_closed_loop
-from mlivr_gym.extensions.closed_loop.record import Event, Footage
+from mlivr_gym.extensions.closed_loop.record import Event
 from mlivr_gym.extensions.closed_loop.unknown_map import UnknownMapEnv
 from mlivr_gym.extensions.reaction.fastest import Candidate
 from mlivr_gym.extensions.station_load.spectra import station_load
 from mlivr_gym.extensions.studies import StudyDesign, run_study
 from mlivr_gym.extensions.unseen import UnseenEnv
 from mlivr_gym.extensions.why_not.smallest_change import Change
-from mlivr_gym.motion.time_scaling import Durations
 from mlivr_gym.pictures.camera import Camera
 from mlivr_gym.pictures.rendering import SceneRenderer, Shot
 from mlivr_gym.pictures.route import Route
 from mlivr_gym.planners import Cost, Planner
-from mlivr_gym.planners.algorithm1 import SearchTree
 from mlivr_gym.planners.outcome import Improvement
 from mlivr_gym.planners.why_not import Cause
 from mlivr_gym.robot.from_file import read_robot
@@ -65,9 +62,6 @@ class Things:
     def __init__(self, grasp_map, folder):
         self.map, self.folder, self.made, self.graphs = grasp_map, folder, {}, {}
         self.settings = Settings()
-
-    def __contains__(self, name):
-        return name in MAKERS
 
     def __getitem__(self, name):
         if name not in self.made:
@@ -197,9 +191,6 @@ MAKERS = {
     "EvaluationTask": lambda of: of.agents.EvaluationTask(**of.query),
     "Evaluation": lambda of: of.agents.evaluate(of["MlivrEnv"], of["RandomPolicy"], 1, max_steps=2),
     "HeldOutWorld": lambda of: mlivr("agents.test_set").load_test_set()[0],
-    "ImitationHyperparameters": lambda of: mlivr(
-        "agents.hyperparameters"
-    ).ImitationHyperparameters(),
     "Planner": lambda of: Planner(of["StanceGraph"]),
     "PlanningResult": lambda of: of["Planner"].plan(**of.query),
     "whole plan": lambda of: of["PlanningResult"].unwrap(),
@@ -209,24 +200,19 @@ MAKERS = {
     "Motion": lambda of: of["Plan"].motion,
     "Statistics": lambda of: of["Plan"].statistics,
     "Step": lambda of: of["Plan"].steps[0],
-    "StepMotion": lambda of: of["Plan"].joint_path(0).samples(50),
     "Cost": lambda of: Cost.named("base"),
     "CostToGo": lambda of: of["Planner"].cost_to_go(of.query["goal"]),
     "Goal": lambda of: of["CostToGo"].goal,
     "Improvement": lambda of: Improvement(0.1, 1.0, 1.0),
     "Cause": lambda of: Cause((), "nothing"),
     "Change": lambda of: Change("obstacles", ("box",), True, 1),
-    "SearchTree": lambda of: SearchTree(),
     "Trajectory": lambda of: plan_trajectory(of["StanceGraph"], of["Plan"], period=0.1),
-    "Durations": lambda of: Durations(),
-    "segments": lambda of: of["Plan"].joint_path(0).segments,
     "Camera": lambda of: Camera((0.0, 0.0, 0.0)),
     "Route": drawn_route,
     "Foothold": lambda of: of["Route"].footholds[0],
     "Shot": lambda of: Shot(of["Plan"].configuration(0)),
     "SceneRenderer": lambda of: SceneRenderer(of.map, robot_spec("mlivr2-ur10e"), 32, 16),
     "Cargo": lambda of: mlivr("robot.cargo").Cargo(1.0, 0.2),
-    "Limb": lambda of: of["RobotSpec"].limb,
     "LimbDynamics": lambda of: of["RobotSpec"].dynamics_of(0),
     "Capsule": lambda of: of["RobotSpec"].mounted[0].capsules[0],
     "Visual": lambda of: Visual("upper_arm", "arm.obj"),
@@ -257,12 +243,10 @@ MAKERS = {
     "CargoMission": mission,
     "ClosedLoopRecord": walked,
     "Event": lambda of: Event("end", 0.0, {"outcome": "arrived", "reason": ""}),
-    "Footage": lambda of: Footage(),
     "DepthCamera": lambda of: DepthCamera(pixels=3),
     "Belief": lambda of: Belief(of["StanceGraph"], 0.003),
     "seven joints": lambda of: robot_spec("mlivr2-iiwa"),
     "three limbs": lambda of: random_state(of["three-limb graph"], np.random.default_rng(0)),
-    "spare": lambda of: jem_map().subset(np.arange(331) > 328, "spare"),
     "StudyDesign": lambda of: StudyDesign("things:row", {"a": (1, 2)}, 1),
     "RunBlock": lambda of: of["StudyDesign"].blocks[0],
     "Box": lambda of: Box.between("bag", "obstacle", (9.0, 9.0, 9.0), (9.1, 9.1, 9.1)),

@@ -21,29 +21,22 @@ STRAIGHT, FORTH, BACK = (1.0, 0.0, 0.0, 0.0), (HALF, HALF, 0.0, 0.0), (HALF, -HA
 class Lengths(NamedTuple):
     """Lengths of an arm that stands upright at zero angles [m].
 
-    Its joints turn about z, -y, z, -y, z, -y, z; an arm of six has no joint 3.
+    Its joints turn about z, -y, z, -y, z, -y, z; an arm of six has no joint 3. Axis 2 is at the
+    height d1, a1 from axis 1; the arm lies d2 along axis 2. The upper arm is a2 long, the forearm,
+    from the elbow to the wrist point, d4; the elbow axis is b2 from the one and a3 from the other,
+    with an offset d3 along it. The flange is d6 from the wrist point, axis 7 a6 from axis 6.
     """
 
     d1: float = 0.36
-    """Height of axis 2 over the base."""
     a2: float = 0.42
-    """Upper arm."""
     d4: float = 0.4
-    """Forearm, from the elbow to the wrist point."""
     d6: float = 0.126
-    """From the wrist point to the flange."""
     a1: float = 0.0
-    """Distance of axis 2 from axis 1."""
     d2: float = 0.0
-    """Offset of the arm along axis 2."""
     b2: float = 0.0
-    """Distance of the elbow axis from the upper arm."""
     d3: float = 0.0
-    """Offset along the elbow axis."""
     a3: float = 0.0
-    """Distance of the forearm from the elbow axis."""
     a6: float = 0.0
-    """Distance of axis 7 from axis 6."""
 
     def limb(self, limits, locked_joint=3, locked_angle=0.0):
         """The limb; one of no locked joint has six."""

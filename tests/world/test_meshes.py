@@ -204,41 +204,29 @@ def test_a_map_names_a_mesh_beside_it(tmp_path):
         GraspMap.load(path)
 
 
-def test_too_fine_a_resolution_is_refused_in_one_line(tmp_path):
-    path = tmp_path / "part.stl"
-    trimesh.creation.box((20.0, 20.0, 20.0)).export(path)
-    with pytest.raises(MapError, match="larger resolution") as error:
-        mesh_boxes(path, resolution=0.001)
-    assert "\n" not in str(error.value)
-
-
 GLTF = {
     "asset": {"version": "2.0"}, "buffers": [{"uri": "gone.bin", "byteLength": 12}],
     "bufferViews": [{"buffer": 0, "byteLength": 12}], "scenes": [{"nodes": []}],
 }  # fmt: skip
+CORNERS = "v 0 0 0\nv 20 0 0\nv 0 20 0\n"
+SECOND = "v {} 1 1\nf 1 2 3\nf 2 3 4\n"
+"""A triangle after a sound one."""
 
 
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("part.step", "x", "has the suffix '.step'; valid ones are .glb, .gltf, .obj, .ply, .stl"),
-        ("part.obj", "v 1 2\nf 1 2 3", "it is no OBJ file of triangles, or damaged"),
-        ("part.gltf", json.dumps(GLTF), "it names the file 'gone.bin', which is missing"),
+        ("part.step", "x", "has the suffix '.step'; valid ones are .glb, .gltf, .obj, .ply, .stl$"),
+        ("part.obj", "v 1 2\nf 1 2 3", "it is no OBJ file of triangles, or damaged$"),
+        ("part.gltf", json.dumps(GLTF), "it names the file 'gone.bin', which is missing$"),
+        ("part.obj", CORNERS + SECOND.format("nan"), "a corner that is not finite"),
+        ("part.obj", CORNERS + SECOND.format("inf"), "a corner that is not finite"),
+        ("part.obj", CORNERS + SECOND.format(1), "larger resolution"),
     ],
 )
-def test_a_file_that_is_no_mesh_is_told_in_words_of_this_package(name, content, words, tmp_path):
+def test_a_file_that_makes_no_boxes_is_told_in_one_line(name, content, words, tmp_path):
     (tmp_path / name).write_text(content)
-    with pytest.raises(MapError) as error:
-        mesh_boxes(tmp_path / name)
-    message = str(error.value)
-    assert message.endswith(words)
-    assert repr(str(tmp_path / name)) in message
-
-
-@pytest.mark.parametrize("corner", ["nan", "inf"])
-def test_no_triangle_is_left_out(corner, tmp_path):
-    """The first one is sound."""
-    lines = ["v 0 0 0", "v 1 0 0", "v 0 1 0", f"v {corner} 1 1", "f 1 2 3", "f 2 3 4"]
-    (tmp_path / "part.obj").write_text("\n".join(lines) + "\n")
-    with pytest.raises(MapError, match="a corner that is not finite"):
-        mesh_boxes(tmp_path / "part.obj")
+    with pytest.raises(MapError, match=words) as error:
+        mesh_boxes(tmp_path / name, resolution=0.001)
+    assert "\n" not in str(error.value)
+    assert name in str(error.value)
