@@ -32,6 +32,9 @@ from mlivr_gym.world import BOX, Box, GraspMap, scene_name
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
 """Size of a graspable point [m], larger than in the MuJoCo scene so that it can be clicked."""
 
+OCCUPIED_SCALE = 1.8
+"""Factor by which occupied points are enlarged: they are as dark as the tracks."""
+
 POINT_COLOUR, OCCUPIED_COLOUR = "#f2bf1a", "#1b1b1f"
 """Colours of points, and of occupied ones."""
 
@@ -116,6 +119,7 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
             quaternions,
             grasp_map.positions[chosen],
             batched_colors=np.zeros((len(chosen), 3), dtype=np.uint8),
+            batched_scales=np.ones(len(chosen), dtype=np.float32),
             lod="off",
             flat_shading=True,
             cast_shadow=False,
@@ -124,14 +128,16 @@ def draw_points(page: Page, grasp_map: GraspMap) -> None:
 
 
 def colour_points(page: Page, grasp_map: GraspMap, occupied: Collection[int]) -> None:
-    """Set the colours of the graspable points; occupied ones are dark."""
+    """Set the colours of the graspable points; occupied ones are dark, and larger."""
     is_occupied = np.isin(np.arange(len(grasp_map)), list(occupied))
+    scales = np.where(is_occupied, OCCUPIED_SCALE, 1.0).astype(np.float32)
     # Unlike all others, the colours of batched meshes must be linear: the sRGB curve is inverted.
     share = to_rgba_array(np.where(is_occupied, OCCUPIED_COLOUR, POINT_COLOUR))[:, :3]
     bright = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     colours = np.round(255.0 * bright).astype(np.uint8)
     for face, chosen in points_by_face(grasp_map).items():
-        page.nodes[f"points/{face}"].batched_colors = colours[chosen]
+        node = page.nodes[f"points/{face}"]
+        node.batched_colors, node.batched_scales = colours[chosen], scales[chosen]
 
 
 def points_by_face(grasp_map: GraspMap) -> dict[str, IntArray]:

@@ -69,8 +69,6 @@ class Page:
         self.scene.configure_default_lights(False)
         self.scene.world_axes.visible = False
 
-    # Nodes of the scene.
-
     def clear(self, name: str) -> None:
         """Make a node an invisible parent without descendants."""
         self.remove(name)
@@ -130,8 +128,6 @@ class Page:
             for key in below:
                 del self.nodes[key]
 
-    # Items of the panel.
-
     def item(self, name: str, item: Any, on_change: Callable[[Any], None]) -> None:
         """Name an item of the panel; `on_change` is called with the values that users choose.
 
@@ -150,8 +146,6 @@ class Page:
         item = self.items.get(name)
         if item is not None and item.content != content:
             item.content = content
-
-    # Export.
 
     def record(self, times: Array, period: float, draw: Callable[[float], None]) -> str:
         """Return the page as HTML that plays without a server.

@@ -67,8 +67,6 @@ class Viewer:
         drawing.hide_walls(page, grasp_map, drawing.aim_camera(page, grasp_map.positions, aspect))
         self.refresh()
 
-    # Changes of the query.
-
     def change(self, act: Callable[[], None]) -> None:
         """Change the query by `act` and show the result, or the error if the change is invalid."""
         with self._lock:
@@ -97,8 +95,6 @@ class Viewer:
             drawing.colour_points(page, graph.grasp_map, graph.occupied)
             page.write("summary", live.summary())
             self.seek(0.0)
-
-    # Playing.
 
     def seek(self, time: float) -> None:
         """Show a time [s]."""
@@ -142,8 +138,6 @@ class Viewer:
         """Stop playing and serving."""
         self._closed.set()
         self.page.close()
-
-    # Points.
 
     def clicked(self, point: int) -> None:
         """Block or free a point, or show which limbs can step to it now, and why others cannot."""
