@@ -14,6 +14,7 @@ import sys
 import threading
 from contextlib import suppress
 from types import FrameType
+from typing import Any
 
 INTERRUPTED = 130
 """Exit code of a command that was interrupted."""
@@ -46,6 +47,7 @@ def watch() -> None:
     if INTERRUPT is not None and handler is signal.default_int_handler:
         signal.signal(INTERRUPT, _interrupt)
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        sys.unraisablehook = _unraisable
         threading.Thread(target=_wait, daemon=True).start()
 
 
@@ -54,13 +56,29 @@ def _interrupt(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def was_interrupted() -> bool:
+    """Return whether the main thread was interrupted, whatever a library made of it."""
+    return _responded.is_set()
+
+
+def _unraisable(found: Any) -> None:
+    """End the process where Python would print the interruption and go on, as in a callback."""
+    if issubclass(found.exc_type, KeyboardInterrupt):
+        _end()
+    sys.__unraisablehook__(found)
+
+
 def _wait() -> None:
     while signal.sigwait({signal.SIGINT}):
         _responded.clear()
         if _grace:
             signal.pthread_kill(threading.main_thread().ident or 0, INTERRUPT or 0)
         if not _responded.wait(_grace):
-            break
+            _end()
+
+
+def _end() -> None:
+    """Say that the command was interrupted, and end the process."""
     with suppress(OSError):  # around `sys.stderr`, which may be in use at that moment
         start = CLEAR_LINE if os.isatty(2) else ""
         os.write(2, f"{start}mlivr-gym: interrupted\n".encode())

@@ -16,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from mlivr_gym import __version__
-from mlivr_gym._interrupts import CLEAR_LINE, INTERRUPTED, is_command, set_grace, silence
+from mlivr_gym._interrupts import (
+    CLEAR_LINE,
+    INTERRUPTED,
+    is_command,
+    set_grace,
+    silence,
+    was_interrupted,
+)
 from mlivr_gym.cli.commands import COMMANDS
 from mlivr_gym.cli.exits import EXIT_CODES, FAILED, GRACE, NO_PLAN, REFUSED, SUCCESS
 from mlivr_gym.cli.help import CommandParser, output_options
@@ -127,11 +134,13 @@ def _run(args: argparse.Namespace) -> tuple[int, str]:
     except MlivrError as error:
         print(f"mlivr-gym: {error}", file=sys.stderr)
         return NO_PLAN if isinstance(error, NoPlanError) else REFUSED, str(error)
-    except Exception as error:
-        return FAILED, _fault_of_machine(error)
-    except KeyboardInterrupt as stop:
-        _print_interrupted(str(stop))
-        return INTERRUPTED, str(stop) or "interrupted"
+    except (Exception, KeyboardInterrupt) as stop:
+        # Libraries make other errors of an interruption, such as one of a missing compiled object.
+        if not isinstance(stop, KeyboardInterrupt) and not was_interrupted():
+            return FAILED, _fault_of_machine(stop)
+        reason = str(stop) if isinstance(stop, KeyboardInterrupt) else ""
+        _print_interrupted(reason)
+        return INTERRUPTED, reason or "interrupted"
 
 
 def _print_interrupted(reason: str = "") -> None:

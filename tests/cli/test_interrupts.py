@@ -12,6 +12,7 @@ import pytest
 
 import mlivr_gym
 from mlivr_gym.cli.exits import FAILED
+from mlivr_gym.errors import MlivrError
 
 
 @pytest.mark.parametrize("told", ["", "two of three done"])
@@ -127,6 +128,35 @@ def alone(code):
         [sys.executable, "-c", code], capture_output=True, text=True, check=False,
         env=os.environ | {"PYTHONPATH": os.path.dirname(mlivr_gym.__file__)},
     )  # fmt: skip
+
+
+def test_an_interruption_in_a_callback_ends_the_command():
+    """Python would print it there, and go on."""
+    code = """
+import signal, weakref
+signal.signal(signal.SIGINT, signal.default_int_handler)
+import _interrupts
+_interrupts.watch()
+class Thing: pass
+thing = Thing()
+watched = weakref.ref(thing, lambda _: signal.raise_signal(_interrupts.INTERRUPT))
+del thing
+print("went on")
+"""
+    done = alone(code)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "mlivr-gym: interrupted\n")
+
+
+def test_an_interruption_stays_one_whatever_a_library_makes_of_it(run, monkeypatch):
+    """What the package itself has to say, such as that a file cannot be written, is said."""
+    failing = Mock(side_effect=RuntimeError("no compiled object yet"))
+    monkeypatch.setattr("mlivr_gym.cli.plan.run", failing)
+    with pytest.raises(RuntimeError):
+        run("plan")
+    monkeypatch.setattr("mlivr_gym.cli.main.was_interrupted", lambda: True)
+    assert run("plan") == (130, "", "mlivr-gym: interrupted\n")
+    failing.side_effect = MlivrError("cannot write")
+    assert run("plan") == (2, "", "mlivr-gym: cannot write\n")
 
 
 def test_an_interruption_ends_what_does_not_respond():
