@@ -13,8 +13,8 @@ from coal_ruler import Ruler, grasps_of
 from reports import timed
 from truth_motions import least_manipulability, quaternions
 
-from mlivr_gym.motion import JointPath
-from mlivr_gym.motion.step_ends import StepEnds, normal_knots
+from mlivr_gym.motion import JointPath, StepEnds
+from mlivr_gym.motion.step_ends import normal_knots
 from mlivr_gym.planners import Planner, plan_of
 from mlivr_gym.stances import StanceGraph
 

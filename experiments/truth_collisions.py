@@ -27,8 +27,7 @@ from mlivr_gym.collisions.contacts import contacts
 from mlivr_gym.compiled.bit_sets import bits_of
 from mlivr_gym.envs import sample_task
 from mlivr_gym.planners import Plan, Planner, plan_of
-from mlivr_gym.simulation import scene_spec
-from mlivr_gym.simulation.scene import set_configuration
+from mlivr_gym.simulation import scene_spec, set_configuration
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.world import BOX, scene_name
 

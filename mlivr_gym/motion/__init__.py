@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from mlivr_gym.motion.joint_path import PHASES, JointPath
     from mlivr_gym.motion.plan import Plan
     from mlivr_gym.motion.plan_parts import COSTS, Step
+    from mlivr_gym.motion.step_ends import StepEnds
     from mlivr_gym.motion.time_scaling import Durations, quintic
     from mlivr_gym.motion.timed_configurations import TimedConfigurations
     from mlivr_gym.motion.trajectory import FREE, TimedPath, Trajectory
@@ -29,6 +30,7 @@ __all__ = [
     "JointPath",
     "Plan",
     "Step",
+    "StepEnds",
     "TimedConfigurations",
     "TimedPath",
     "Trajectory",

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mlivr_gym.simulation.export import exported_model
     from mlivr_gym.simulation.parameters import PACES, Limits, Physics
     from mlivr_gym.simulation.recording import Recording
-    from mlivr_gym.simulation.scene import scene_spec
+    from mlivr_gym.simulation.scene import compile_spec, scene_spec, set_configuration
     from mlivr_gym.simulation.setup import Setup
     from mlivr_gym.simulation.simulator import Simulation
     from mlivr_gym.simulation.step_executor import StepExecutor
@@ -29,10 +29,12 @@ __all__ = [
     "Setup",
     "Simulation",
     "StepExecutor",
+    "compile_spec",
     "execute",
     "exported_model",
     "plan_trajectory",
     "scene_spec",
+    "set_configuration",
 ]
 
 __getattr__, __dir__ = lazy(__name__)

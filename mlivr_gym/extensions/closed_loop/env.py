@@ -29,8 +29,7 @@ from mlivr_gym.extensions.closed_loop.depth_camera import DepthCamera
 from mlivr_gym.extensions.closed_loop.record import ClosedLoopRecord
 from mlivr_gym.extensions.closed_loop.sensing_robot import SensingRobot
 from mlivr_gym.extensions.closed_loop.things import BOXES, PLATES, unknown_things
-from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.planners.costs import COST_KINDS, Cost
+from mlivr_gym.planners import QUERY, Cost, Plan, Planner
 from mlivr_gym.schema import Integer
 from mlivr_gym.sharing import Independent
 from mlivr_gym.simulation import Recording, StepExecutor
@@ -265,7 +264,7 @@ class ReplanningPolicy(Independent):
     It takes the first step of the plan, and relaxes if there is no plan, or none of its steps left.
     """
 
-    @checked(COST_KINDS)
+    @checked(QUERY)
     def __init__(self, cost: str | Cost = "steps", **options: Any) -> None:
         """Plan with a cost, and further arguments of `Planner.plan`."""
         self._cost, self._options = cost, options

@@ -18,10 +18,9 @@ from mlivr_gym.arguments import InstanceOf, checked
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import TimingError
 from mlivr_gym.extensions.reaction.reaction import Reaction, reaction_of
-from mlivr_gym.motion import Durations, JointPath, Plan, Step
+from mlivr_gym.motion import Durations, JointPath, Plan, Step, StepEnds
 from mlivr_gym.motion.commitment import commitments
 from mlivr_gym.motion.plan_parts import step_along
-from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.planners import GOAL_TOLERANCE, QUERY, Planner
 from mlivr_gym.planners.refinement import varied
 from mlivr_gym.schema import Choice, OrNone

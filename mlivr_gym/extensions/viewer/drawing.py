@@ -24,9 +24,9 @@ from mlivr_gym.pictures.robot_shapes import geom_corners
 from mlivr_gym.pictures.route import GOAL_OPACITY, PATH_RADIUS
 from mlivr_gym.robot import RobotSpec
 from mlivr_gym.robot.rigid import rigid
-from mlivr_gym.simulation import scene_spec
+from mlivr_gym.simulation import compile_spec, scene_spec, set_configuration
 from mlivr_gym.simulation.gl import mujoco
-from mlivr_gym.simulation.scene import COLOURS, compile_spec, set_configuration
+from mlivr_gym.simulation.scene import COLOURS
 from mlivr_gym.world import BOX, Box, GraspMap, scene_name
 
 POINT_RADIUS, POINT_HEIGHT = 0.028, 0.012
