@@ -22,17 +22,10 @@ from mlivr_gym.motion import FREE, JointPath
 from mlivr_gym.motion.trajectory import trajectory
 from mlivr_gym.robot import Cargo, RobotSpec
 from mlivr_gym.settings import CLEARANCE
-from mlivr_gym.simulation import (
-    Limits,
-    Physics,
-    Simulation,
-    compile_spec,
-    scene_spec,
-    set_configuration,
-)
+from mlivr_gym.simulation import Limits, Physics, Simulation, scene_spec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.recording import SimulatedInterval
-from mlivr_gym.simulation.scene import robot_alone
+from mlivr_gym.simulation.scene import compile_spec, robot_alone, set_configuration
 from mlivr_gym.simulation.timing import timed_path
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.transitions.departures import Departure, departure_of
