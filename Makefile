@@ -68,7 +68,6 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/table1_study.py
 	$(BIN)/python experiments/table1_statistics.py
 	$(BIN)/python experiments/truth.py
-	$(BIN)/python experiments/blocked.py
 	$(BIN)/python experiments/benchmark_planning.py
 	$(BIN)/python experiments/dynamic_simulation.py
 	$(BIN)/python experiments/disturbances.py
