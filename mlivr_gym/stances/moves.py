@@ -7,7 +7,6 @@ points.
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -66,8 +65,8 @@ class Moves:
     def __init__(self, graph: StanceGraph) -> None:
         """Start with no results."""
         self.graph = graph
-        self._steps: OrderedDict[State, Successors] = OrderedDict()
-        self._properties: OrderedDict[tuple[int, ...], StanceProperties] = OrderedDict()
+        self._steps: dict[State, Successors] = {}
+        self._properties: dict[tuple[int, ...], StanceProperties] = {}
 
     def successors(self, state: State) -> Successors:
         """Return all steps that leave a state."""
@@ -75,7 +74,7 @@ class Moves:
         if found is None:
             found = self._steps[state] = self.graph.successors(state)
             if len(self._steps) > CACHED_RESULTS:
-                self._steps.popitem(last=False)
+                del self._steps[next(iter(self._steps))]
         return found
 
     def action_mask(self, state: State) -> BoolArray:
@@ -103,7 +102,7 @@ class Moves:
             found = _properties(self.graph, state.stance, self.graph.posture(state.stance))
             self._properties[state.stance] = found
             if len(self._properties) > CACHED_RESULTS:
-                self._properties.popitem(last=False)
+                del self._properties[next(iter(self._properties))]
         return found
 
 
