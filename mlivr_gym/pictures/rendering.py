@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import os
 import sys
+import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -88,8 +89,10 @@ class SceneRenderer:
         self._rise = max(robot.heights) + 0.5 * float(robot.body_edges[2])
         try:
             self._renderer: Any = mujoco.Renderer(self.model, height, width)
+            self._release = weakref.finalize(self, self._renderer.close)
+            self._release.atexit = False
             # Registered after the GL loader's exit hook, hence run before it.
-            atexit.register(self._renderer.close)
+            atexit.register(self._release)
         except Exception as error:  # GL loaders raise errors of many kinds
             raise render_error(error) from None
         except BaseException as interruption:
@@ -183,8 +186,8 @@ class SceneRenderer:
 
     def close(self) -> None:
         """Release the GL context."""
-        atexit.unregister(self._renderer.close)
-        self._renderer.close()
+        atexit.unregister(self._release)
+        self._release()
 
 
 class Shot(NamedTuple):

@@ -1,5 +1,7 @@
 """What a scene holds and where it is drawn: camera, obstacles, plan, lamps."""
 
+import gc
+import weakref
 from unittest.mock import Mock
 
 import mujoco
@@ -55,6 +57,17 @@ def test_places_are_where_mujoco_draws_them(ladder):
         (expected,) = camera.pixels(np.array([place]), 320, 160)
         np.testing.assert_allclose([columns.mean() + 0.5, rows.mean() + 0.5], expected, atol=1.5)
     renderer.close()
+
+
+def test_a_renderer_that_is_dropped_releases_its_context(ladder):
+    """It holds 160 MB, and an environment that made pictures need not be closed."""
+    with gl_or_skip():
+        renderer = SceneRenderer(ladder, robot_spec("mlivr2"), 32, 16)
+    context = weakref.ref(renderer._renderer)
+    assert context() is not None
+    del renderer
+    gc.collect()
+    assert context() is None
 
 
 LEFT = Box.between("left", "obstacle", (1.2, -0.9, -0.3), (1.8, -0.5, 0.3))
