@@ -88,8 +88,9 @@ def dynamics_spec(
         for geom in spec.body(f"limb{limb}/gripper").geoms:
             # Not SURROUNDINGS, but a bit of each limb, which single boxes can be told not to meet.
             geom.contype, geom.conaffinity = ROBOT, ROBOT | gripper_bit(limb)
-    for geom in spec.worldbody.geoms:
-        geom.contype, geom.conaffinity = SURROUNDINGS | grippers, 0
+    for geom in spec.geoms:
+        if geom.contype == SURROUNDINGS:
+            geom.contype, geom.conaffinity = SURROUNDINGS | grippers, 0
     whole = {"objtype": mujoco.mjtObj.mjOBJ_XBODY, "objname": "base"}
     spec.add_sensor(name="contact", type=mujoco.mjtSensor.mjSENS_CONTACT, **whole, intprm=[1, 1, 1])
     whole["objtype"] = mujoco.mjtObj.mjOBJ_BODY

@@ -15,7 +15,7 @@ from mlivr_gym.schema import Anything
 from mlivr_gym.simulation.dynamics import dynamics_spec
 from mlivr_gym.simulation.gl import mujoco
 from mlivr_gym.simulation.parameters import Physics
-from mlivr_gym.simulation.scene import compile_spec
+from mlivr_gym.simulation.scene import SURROUNDINGS, compile_spec
 from mlivr_gym.simulation.simulator import Simulation
 from mlivr_gym.world.boxes import Box
 from mlivr_gym.world.given_points import STANCE
@@ -55,7 +55,7 @@ def exported_model(
     for name in (f"limb{limb}/anchor" for limb in range(robot.limbs)):
         anchor = simulation.model.body(name)
         spec.body(name).pos, spec.body(name).quat = anchor.pos, anchor.quat
-    for geom in spec.worldbody.geoms:
+    for geom in (geom for geom in spec.geoms if geom.contype & SURROUNDINGS):
         # Boxes behind a point that is held do not collide with the gripper that holds it.
         geom.contype = int(simulation.model.geom(geom.name).contype[0])
     low, high = np.array(grasp_map.cabin)

@@ -65,9 +65,10 @@ def scene_spec(
     i `"limb{i}/{link}/{number}"`, the body `"body"`. Pairs of links of a limb that cannot touch are
     excluded.
 
-    The body of the robot is `"base"` with the free joint `"base"`. Its joints have the
-    names of `RobotSpec.named_joints`. The flange frame of limb i is the site `"limb{i}/flange"`,
-    its grasp frame the site `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
+    The boxes of a face belong to the fixed body `"boxes/{face}"`, the others to the world. The body
+    of the robot is `"base"` with the free joint `"base"`. Its joints have the names of
+    `RobotSpec.named_joints`. The flange frame of limb i is the site `"limb{i}/flange"`, its grasp
+    frame the site `"limb{i}/grasp"`. Graspable points are the sites `"point/{id}"`.
 
     Obstacles are boxes in addition to those of the map. Raises a `ShapeError` if two boxes have the
     same id.
@@ -86,13 +87,16 @@ def scene_spec(
     )  # fmt: skip
     spec.add_material(name="metal", specular=0.6, shininess=0.6)
     world = spec.worldbody
+    # MuJoCo looks for collisions with a face only near its boxes, and everywhere near the world's.
+    faces = dict.fromkeys(box.face for box in boxes if box.face)
+    bodies = {face: world.add_body(name=f"boxes/{face}") for face in faces}
     turned = quaternion_of(np.array([box.rotation for box in boxes]).reshape(-1, 3, 3))
     for box, quaternion in zip(boxes, turned, strict=True):
-        world.add_geom(
+        bodies.get(box.face, world).add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
             size=box.half, rgba=COLOURS[box.kind],
             material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),
-            contype=SURROUNDINGS, conaffinity=ROBOT, quat=quaternion,
+            contype=SURROUNDINGS, conaffinity=ROBOT, quat=quaternion, mass=0.0,
         )  # fmt: skip
     turned = quaternion_of(grasp_map.rotations)
     for point, face, position, quaternion in zip(
