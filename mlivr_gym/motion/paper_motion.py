@@ -8,9 +8,6 @@ angles come from inverse kinematics at samples, between which nothing is known.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, NamedTuple
-
 import numpy as np
 import scipy
 
@@ -18,18 +15,17 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.collisions.base_path import BasePath, base_rows
 from mlivr_gym.errors import PlanError
 from mlivr_gym.kinematics.chain import LIMIT_TOLERANCE
-from mlivr_gym.kinematics.limb import joints_along
 from mlivr_gym.kinematics.poses import poses
 from mlivr_gym.motion.joint_path import JointPath
 from mlivr_gym.motion.step_ends import StepEnds, normal_knots, step_path
 from mlivr_gym.motion.straight_base import (
-    cannot_follow,
-    enough_knots,
-    lever_arms,
+    Follower,
+    JointCurve,
+    dense_knots,
+    follow,
     path_of,
-    share_used,
+    support_joints,
 )
-from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
 
 SAMPLES: Array = np.linspace(0.0, 1.0, 400)
@@ -41,9 +37,6 @@ TOLERANCE = 2e-4
 MAX_JUMP = 0.2
 """Largest change of a joint between two of these samples [rad]; a larger one indicates a
 singularity."""
-
-JointCurve = Callable[[Array], Array]
-"""Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
 
 def paper_path(graph: StanceGraph, ends: StepEnds) -> JointPath | None:
@@ -103,72 +96,3 @@ def _is_feasible(graph: StanceGraph, limb: int, swing: JointCurve, last: Array) 
 def _jumps(joints: Array) -> bool:
     """Return whether a joint changes too far between two samples."""
     return bool(np.abs(np.diff(joints, axis=0)).max() > MAX_JUMP)
-
-
-def support_joints(
-    graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array, here: Array
-) -> Array:
-    """Return joint angles while the base moves, at base parameters s, shape (k, N, 6) [rad].
-
-    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it; `here`, shape
-    (N, 6), are joint angles at the first. The support limbs hold their points on their branches;
-    the moving limb stays as it is. Raises a `PlanError` if a support limb cannot follow the base.
-    """
-    bases, joints = base_rows(path, s), np.empty((len(s), *here.shape))
-    joints[:, ends.limb] = here[ends.limb]
-    for limb, point in enumerate(ends.before):
-        if limb != ends.limb:
-            held = graph.solver.grasps[point : point + 1]["flange"].copy()
-            one = Follower(limb, ends.branches[limb], here[limb])
-            joints[:, limb] = follow(graph, ends, one, held, bases)
-    return joints
-
-
-class Follower(NamedTuple):
-    """A limb on a branch, and joint angles from which on it is followed, shape (6,) [rad]."""
-
-    limb: int
-    branch: int
-    joints: Array
-
-
-def follow(
-    graph: StanceGraph,
-    ends: StepEnds,
-    one: Follower,
-    flanges: Any,
-    bases: Any,
-) -> Array:
-    """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
-
-    The poses are rows of `Pose`. Raises a `PlanError` if the branch ends.
-    """
-    robots = graph.checks.robots
-    joints = joints_along(robots, one.limb, bases, flanges, one.branch, one.joints)
-    if len(joints) < max(len(bases), len(flanges)):
-        raise cannot_follow(graph, ends, one.limb)
-    return joints
-
-
-def dense_knots(robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float) -> Array:
-    """Return knots of a motion of any kind, shape (k, N, 6) [rad]; see `enough_knots`.
-
-    In the middles between them the robot is within `tolerance` [m] of the motion.
-    """
-    leader = int(ends.limb == 0)
-    still = JointPath(
-        robot, ends.limb, leader, ends.positions[0], ends.rotations[0], ends.joints[:1], (0,)
-    )
-    radii = lever_arms(robot, leader)
-    others = [limb for limb in range(robot.limbs) if limb != leader]
-
-    def measured(places: Array) -> tuple[Array, float]:
-        joints = curve(places)
-        lines = 0.5 * (joints[2::2] + joints[:-2:2])
-        moved = np.einsum("kij,ij->ki", np.abs(lines - joints[1::2]), radii)
-        # What a limb does comes on top of where the leader puts the base, or of another limb.
-        most = np.sort(moved[:, others], axis=1)[:, ::-1]
-        far = most[:, 0] + np.maximum(moved[:, leader], most[:, 1:2].sum(axis=1))
-        return joints, share_used(float(far.max()), float(still.slips(lines).max()), tolerance)
-
-    return enough_knots(measured)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +20,9 @@ from mlivr_gym.collisions.joint_lines import JointLine
 from mlivr_gym.collisions.places import LineScratch
 from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.errors import PlanError
-from mlivr_gym.kinematics.limb import Angles, held_angles
+from mlivr_gym.kinematics.limb import Angles, held_angles, joints_along
 from mlivr_gym.kinematics.poses import pose, poses
-from mlivr_gym.motion.dense_knots import Spread, fill_knots
-from mlivr_gym.motion.joint_path import CUBIC, GRIP_RADIUS, HOLD_TOLERANCE, control_places
+from mlivr_gym.motion.joint_path import CUBIC, HOLD_TOLERANCE, JointPath, control_places
 from mlivr_gym.motion.step_ends import StepEnds
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -35,9 +34,8 @@ FEWEST_PIECES, MOST_PIECES = 8, 4096
 LINES = ScratchPool(LineScratch)
 """Scratch of `line_clear`, which takes what it does not set to be empty."""
 
-MeasuredMotion = Callable[[Array], tuple[Array, float]]
-"""Joint angles of all limbs at k path parameters from 0 to 1, shape (k, N, 6) [rad], k odd; and how
-far lines between every other of them are off in between, as a share of what is allowed."""
+JointCurve = Callable[[Array], Array]
+"""Joint angles of all limbs, shape (k, N, 6) [rad], at k path parameters from 0 to 1."""
 
 
 class FollowingSupports:
@@ -50,7 +48,6 @@ class FollowingSupports:
         self._line = line = JointLine.row()
         self._first, self._last = line["first"]["q"], line["last"]["q"]
         self._moved: tuple[float, float] | None = None
-        self._spread = spread_of(graph.robot, ends.limb)
         out = Angles.rows(1, graph.limbs)
         base, branches = poses(ends.positions[:1], ends.rotations[:1]), np.array([ends.branches])
         grasps = graph.solver.grasps[list(ends.before)][None]
@@ -78,15 +75,19 @@ class FollowingSupports:
         """Let the base move from one of its places to another, or rest before or after it moves."""
         line, ends, self._moved = self._line, self._ends, (s, to)
         line["moves"] = s != to
-        if (s, to) == (0.0, 1.0):
-            line["path"] = self._path
-        elif s != to:
-            line["path"] = base_path(*base_rows(self._path, np.array([s, to])))
+        if s != to:
+            line["path"] = self._path_between(s, to)
         else:
             side = int(s)
             line["base"] = pose(ends.positions[side], ends.rotations[side])
             for angles in (self._first, self._last):
                 angles[: len(ends.joints[side])] = ends.joints[side]
+
+    def _path_between(self, s: float, to: float) -> BasePath:
+        """Return the way of the base from one of its places to another."""
+        if (s, to) == (0.0, 1.0):
+            return self._path
+        return base_path(*base_rows(self._path, np.array([s, to])))
 
     def knots(self, a: Array, b: Array, here: Array) -> Array:
         """Return the knots from one swing knot to the next, shape (k, N, 6) [rad].
@@ -99,20 +100,14 @@ class FollowingSupports:
             joints = np.stack([here, here])
             joints[:, limb] = a[1:], b[1:]
             return joints
-        self._move_base(float(a[0]), float(b[0]))
-        line = self._line.copy()
-        line["first"]["q"][: len(here)] = here
-        line["first"]["q"][limb], line["last"]["q"][limb] = a[1:], b[1:]
+        path = self._path_between(float(a[0]), float(b[0]))
 
-        def measured(places: Array) -> tuple[Array, float]:
-            joints, spread = Angles.rows(len(places), len(here)), self._spread
-            stopped = fill_knots(self._robots, line, places, joints, spread)
-            if stopped >= 0:
-                raise cannot_follow(self._graph, self._ends, stopped)
-            far, slip = float(spread[0]["far"]), float(spread[0]["slip"])
-            return joints["q"], share_used(far, slip, KEPT_CLEAR)
+        def curve(places: Array) -> Array:
+            joints = support_joints(self._graph, self._ends, path, places, here)
+            joints[:, limb] = a[1:] + places[:, None] * (b[1:] - a[1:])
+            return joints
 
-        return enough_knots(measured)
+        return dense_knots(self._graph.robot, self._ends, curve, KEPT_CLEAR)
 
 
 def path_of(ends: StepEnds) -> BasePath:
@@ -121,31 +116,34 @@ def path_of(ends: StepEnds) -> BasePath:
     return base_path(first, last)
 
 
-def enough_knots(measured: MeasuredMotion) -> Array:
+def dense_knots(robot: RobotSpec, ends: StepEnds, curve: JointCurve, tolerance: float) -> Array:
     """Return knots of a motion, shape (k, N, 6) [rad], so dense that their spline is close to it.
 
     They are the control points of the spline where these count most (`control_places`). In the
-    middles between them lines are off by no more than is allowed. Raises a `PlanError` if
-    `MOST_PIECES` are too few for that.
+    middles between them lines are off by no more than is allowed, `tolerance` [m] for any part of
+    the robot. Raises a `PlanError` if `MOST_PIECES` are too few for that.
     """
-    pieces = FEWEST_PIECES
+    leader, pieces = int(ends.limb == 0), FEWEST_PIECES
+    still = JointPath(
+        robot, ends.limb, leader, ends.positions[0], ends.rotations[0], ends.joints[:1], (0,)
+    )
+    radii = lever_arms(robot, leader)
+    others = [limb for limb in range(robot.limbs) if limb != leader]
     while True:
-        joints, off = measured(_places_and_middles(pieces))
+        joints = curve(_places_and_middles(pieces))
+        lines = 0.5 * (joints[2::2] + joints[:-2:2])
+        moved = np.einsum("kij,ij->ki", np.abs(lines - joints[1::2]), radii)
+        # What a limb does comes on top of where the leader puts the base, or of another limb.
+        most = np.sort(moved[:, others], axis=1)[:, ::-1]
+        far = most[:, 0] + np.maximum(moved[:, leader], most[:, 1:2].sum(axis=1))
+        # The spline is off by up to 4 / 3 of what lines are.
+        off = 4.0 / 3.0 * float(far.max()) / tolerance
+        off = max(off, float(still.slips(lines).max()) / (0.5 * HOLD_TOLERANCE))
         if off <= 1.0:
             return joints[::2]
         if pieces == MOST_PIECES:
             raise PlanError(f"{MOST_PIECES} knots are too few for the motion that was checked")
         pieces = min(MOST_PIECES, int(np.ceil(1.05 * pieces * np.sqrt(off))))
-
-
-def share_used(far: float, slip: float, tolerance: float) -> float:
-    """Return how far lines are off, as a share of what is allowed.
-
-    `far` is how far they move a part of the robot off the motion, of which `tolerance` is allowed,
-    and `slip` how far they move a support limb [m].
-    """
-    # The spline is off by up to 4 / 3 of what lines are.
-    return max(4.0 / 3.0 * far / tolerance, slip / (0.5 * HOLD_TOLERANCE))
 
 
 @lru_cache(maxsize=512)
@@ -156,13 +154,53 @@ def _places_and_middles(pieces: int) -> Array:
     return every
 
 
-def cannot_follow(graph: StanceGraph, ends: StepEnds, limb: int) -> PlanError:
-    """Return the error that a limb cannot stay on its branch during a step."""
-    target = graph.grasp_map.ids[ends.to_point]
-    return PlanError(
-        f"limb {limb} cannot stay on its branch while limb {ends.limb} moves to {target!r}: the "
-        "plan does not fit this map and robot, or its steps were not checked"
-    )
+def support_joints(
+    graph: StanceGraph, ends: StepEnds, path: BasePath, s: Array, here: Array
+) -> Array:
+    """Return joint angles while the base moves, at base parameters s, shape (k, N, 6) [rad].
+
+    The base parameters, shape (k,), rise from 0 before the base moves to 1 after it; `here`, shape
+    (N, 6), are joint angles at the first. The support limbs hold their points on their branches;
+    the moving limb stays as it is. Raises a `PlanError` if a support limb cannot follow the base.
+    """
+    bases, joints = base_rows(path, s), np.empty((len(s), *here.shape))
+    joints[:, ends.limb] = here[ends.limb]
+    for limb, point in enumerate(ends.before):
+        if limb != ends.limb:
+            held = graph.solver.grasps[point : point + 1]["flange"].copy()
+            one = Follower(limb, ends.branches[limb], here[limb])
+            joints[:, limb] = follow(graph, ends, one, held, bases)
+    return joints
+
+
+class Follower(NamedTuple):
+    """A limb on a branch, and joint angles from which on it is followed, shape (6,) [rad]."""
+
+    limb: int
+    branch: int
+    joints: Array
+
+
+def follow(
+    graph: StanceGraph,
+    ends: StepEnds,
+    one: Follower,
+    flanges: Any,
+    bases: Any,
+) -> Array:
+    """Return joint angles of a limb on its branch along flange and base poses, (k, 6) [rad].
+
+    The poses are rows of `Pose`. Raises a `PlanError` if the branch ends.
+    """
+    robots = graph.checks.robots
+    joints = joints_along(robots, one.limb, bases, flanges, one.branch, one.joints)
+    if len(joints) < max(len(bases), len(flanges)):
+        target = graph.grasp_map.ids[ends.to_point]
+        raise PlanError(
+            f"limb {one.limb} cannot stay on its branch while limb {ends.limb} moves to "
+            f"{target!r}: the plan does not fit this map and robot, or its steps were not checked"
+        )
+    return joints
 
 
 @lru_cache(maxsize=16)
@@ -181,12 +219,3 @@ def lever_arms(robot: RobotSpec, leader: int) -> Array:
         else:
             out[limb] = steps[::-1].cumsum()[::-1] - steps + robot.tool_length
     return out
-
-
-def spread_of(robot: RobotSpec, limb: int) -> Any:
-    """Return a row of `Spread` for motions of a limb."""
-    leader, spread = int(limb == 0), Spread.rows(1)
-    spread["limb"], spread["leader"] = limb, leader
-    spread["tool"], spread["grip"] = robot.tool_length, GRIP_RADIUS
-    spread["lever"]["q"][0, : robot.limbs] = lever_arms(robot, leader)
-    return spread

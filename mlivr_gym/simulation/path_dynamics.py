@@ -96,20 +96,14 @@ class SegmentDynamics:
     def binding(self, scaling: PPoly) -> Binding:
         """Return the shortest duration of a time scaling of this shape, and its limit."""
         load, speed = (each.max(axis=0) for each in self.loads(scaling))
-        duration, joint_count = float(scaling.x[-1]), self.speeds.shape[1] - 1
-        heaviest, fastest = int(np.argmax(load)), int(np.argmax(speed))
-        if speed[fastest] > np.sqrt(load[heaviest]):
-            limb, joint = divmod(fastest, 6)
-            shortest = duration * float(speed[fastest])
-            if fastest == joint_count:
-                return Binding(shortest, "surface_speed", self.limb, 0)
-            return Binding(shortest, "speed", limb, joint + 1)
-        shortest = duration * float(np.sqrt(load[heaviest]))
-        if heaviest < joint_count:
-            limb, joint = divmod(heaviest, 6)
-            return Binding(shortest, "torque", limb, joint + 1)
-        kind, n = divmod(heaviest - joint_count, len(self.holding))
-        return Binding(shortest, ("grasp_force", "grasp_torque")[kind], self.holding[n], 0)
+        factors = np.concatenate([np.sqrt(load), speed])
+        joints = [divmod(k, 6) for k in range(len(speed) - 1)]
+        limits = [("torque", limb, joint + 1) for limb, joint in joints]
+        limits += [(kind, i, 0) for kind in ("grasp_force", "grasp_torque") for i in self.holding]
+        limits += [("speed", limb, joint + 1) for limb, joint in joints]
+        limits += [("surface_speed", self.limb, 0)]
+        worst = int(np.argmax(factors))
+        return Binding(float(scaling.x[-1]) * float(factors[worst]), *limits[worst])
 
 
 def segment_dynamics(path: JointPath, segment: PathSegment, limits: Limits) -> SegmentDynamics:

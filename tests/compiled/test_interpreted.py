@@ -18,9 +18,8 @@ from mlivr_gym.cli.main import main
 from mlivr_gym.compiled import interpreted, kernels
 from mlivr_gym.compiled.interpreted import as_readable
 from mlivr_gym.compiled.kernels import LateEntry
-from mlivr_gym.motion.paper_motion import support_joints
 from mlivr_gym.motion.step_ends import StepEnds
-from mlivr_gym.motion.straight_base import path_of
+from mlivr_gym.motion.straight_base import path_of, support_joints
 from mlivr_gym.planners import Planner
 from mlivr_gym.transitions.steps import line_clear
 

@@ -10,11 +10,9 @@ from random_steps import random_walk
 from mlivr_gym import jem_map, robot_spec, stance_graph
 from mlivr_gym.motion.commitment import committed_motion
 from mlivr_gym.motion.joint_path import HOLD_TOLERANCE, JointPath, PathSegment
-from mlivr_gym.motion.paper_motion import dense_knots, support_joints
 from mlivr_gym.motion.step_ends import StepEnds
-from mlivr_gym.motion.straight_base import FollowingSupports, path_of
+from mlivr_gym.motion.straight_base import path_of, support_joints
 from mlivr_gym.simulation.scene import scene_spec, set_configuration
-from mlivr_gym.transitions.steps import KEPT_CLEAR
 
 ROBOT = robot_spec("mlivr2")
 
@@ -152,23 +150,6 @@ def test_lines_and_splines_stay_close_to_what_was_checked(steps):
                 assert near.min() < 2e-3
     assert max(away) < 1e-3
     assert np.median(away) < 5e-4
-
-
-def test_knots_are_those_of_the_plain_definition(steps):
-    """`dense_knots` in NumPy, on the same lines of the limb that moves, with and without turns."""
-    graph, every = steps
-    for _, _, path, (motion, number) in every:
-        ends = StepEnds.of(graph, motion, number)
-        supports, path_of_base, here = FollowingSupports(graph, ends), path_of(ends), ends.joints[0]
-        a, b = (np.array([s, *ends.joints[int(s), path.limb]]) for s in (0.0, 1.0))
-
-        def curve(sigma, ends=ends, base=path_of_base, here=here, a=a, b=b):
-            joints = support_joints(graph, ends, base, sigma, here)
-            joints[:, ends.limb] = a[1:] + sigma[:, None] * (b - a)[1:]
-            return joints
-
-        expected = dense_knots(graph.robot, ends, curve, KEPT_CLEAR)
-        np.testing.assert_allclose(supports.knots(a, b, here), expected, atol=1e-9)
 
 
 def test_the_base_path_is_as_long_as_the_base_travels(steps):
