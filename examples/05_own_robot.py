@@ -1,4 +1,4 @@
-"""Robots of your own: longer arms, three of them, and one from a URDF."""
+"""Robots of your own: longer arms, three of them, and one from a file."""
 
 import dataclasses
 
@@ -24,9 +24,9 @@ result = Planner(graph).plan(
 )
 print(f"{three.name}: {result.message}")
 
-# A robot from a file: here a URDF that the package writes; your own serves as well.
-robot_spec("mlivr2").to_urdf("two_arms.urdf")
-described = RobotSpec.from_urdf("two_arms.urdf", name="two arms")
+# A robot from a file: here JSON that the package writes; your own URDF or MJCF serves as well.
+RobotSpec(name="two arms", body_size=0.3, mount_radius=0.15).save("two_arms.json")
+described = robot_spec("two_arms.json")
 length, masses = described.limb.arm_length, described.dynamics_source
 print(f"{described.name}: arms of {length:.3f} m, masses {masses}")
 graph = stance_graph(robot=described)

@@ -14,11 +14,11 @@ import mujoco
 import numpy as np
 from reports import CORES, experiment, study_rows, table
 
-from mlivr_gym import stance_graph
+from mlivr_gym import jem_map, stance_graph
 from mlivr_gym.extensions.cargo import CargoMission, plan_cargo_mission
 from mlivr_gym.motion import JointPath
 from mlivr_gym.robot import Cargo
-from mlivr_gym.simulation import PACES, Recording
+from mlivr_gym.simulation import PACES, Recording, compile_spec, scene_spec
 
 START, PICK, STOW = ("F3b:3", "F4a:2", "D3b:0"), "D2b:3", "F3b:6"
 """Points held at the start, and those on which the bag stands and shall stand."""
@@ -57,7 +57,7 @@ def missions(task: int, mass: float) -> dict[str, Any]:
 
 def miss(path: JointPath, recording: Recording) -> float:
     """Return how far the gripper is from where the path of its limb ends [m]."""
-    model = mujoco.MjModel.from_xml_string(path.robot.to_mjcf())
+    model = compile_spec(scene_spec(jem_map(), path.robot))
     data, places, planned = mujoco.MjData(model), [], path.samples(2)
     ends = planned.base_positions[-1], planned.base_quaternions[-1], planned.joint_positions[-1]
     for position, quaternion, joints in (ends, recording.configuration(-1)):

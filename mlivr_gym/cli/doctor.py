@@ -62,48 +62,40 @@ def run(args: argparse.Namespace) -> int:
     them, extras that are installed, GL libraries that can render, and where machine code and step
     tables are stored. The exit code is 1 if something that every command needs cannot be used.
     """
-    needed = requirements()
-    core, extras = needed.pop("", {}), needed
-    wrong, newer = faults(core), untested(core)
+    folder, python = Path(__file__).parent.parent, platform.python_version()
+    extras = requirements()
+    core = extras.pop("", {})
+    with ThreadPoolExecutor() as pool:
+        told = dict(zip(core, pool.map(fault, core, core.values()), strict=True))
+    wrong = {name: text for name, text in told.items() if text}
+    newer = untested({"Python": python, **core})
     args.result |= {
-        "mlivr_gym": __version__,
-        "folder": Path(__file__).parent.parent,
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "core": core,
-        "extras": extras,
-        "faults": wrong,
+        "mlivr_gym": __version__, "folder": folder, "python": python,
+        "platform": platform.platform(), "core": core, "extras": extras, "faults": wrong,
         "untested": newer,
-    }
-    print(f"mlivr-gym {__version__} in {Path(__file__).parent.parent}")
-    print(f"Python {platform.python_version()} on {platform.platform()}")
-    print("required packages: " + _version_list(core))
+    }  # fmt: skip
+    print(f"mlivr-gym {__version__} in {folder}")
+    print(f"Python {python} on {platform.platform()}")
+    for name, packages in {"required packages": core, **extras}.items():
+        title = name if packages is core else f"extra [{name}]"
+        shown = ", ".join(f"{one} {version or 'MISSING'}" for one, version in packages.items())
+        lacks = packages is not core and None in packages.values()
+        print(f"{title}: {shown}" + (f"; pip install 'mlivr-gym[{name}]'" if lacks else ""))
     for name, text in (wrong | newer).items():
         print(f"  {name} {text}")
-    for name, packages in extras.items():
-        missing = [package for package, version in packages.items() if version is None]
-        remedy = f"; pip install 'mlivr-gym[{name}]'" if missing else ""
-        print(f"extra [{name}]: {_version_list(packages)}{remedy}")
     if wrong:
         print("GL libraries and machine code are looked at once all required packages work")
         return FAILED
-    args.result |= {"gl": _gl_report(args.quiet), "compiler": (compiler := _cache_report())}
+    gl = {name: gl_fault(name) or "works" for name in BACKENDS}
+    for name, text in gl.items():
+        print(f"GL library {name}: {text}")
+    if "works" not in gl.values():
+        print("  no GL library works: matplotlib draws the pictures, and films cannot be made")
+    compiler = _compiler()
     for name, value in compiler.items():
         print(f"{name.replace('_', ' ')}: {value}")
+    args.result |= {"gl": gl, "compiler": compiler}
     return SUCCESS if compiler["cache_can_be_written"] else FAILED
-
-
-def _gl_report(quiet: bool) -> dict[str, str]:
-    """Print and return which GL libraries can render."""
-    from mlivr_gym.cli.progress import Progress  # with Numba, which may be broken
-
-    with Progress("testing the GL libraries", quiet=quiet):
-        faults_of = {name: gl_fault(name) for name in BACKENDS}
-    for name, fault in faults_of.items():
-        print(f"GL library {name}: {fault or 'works'}")
-    if all(faults_of.values()):
-        print("  no GL library works: matplotlib draws the pictures, and films cannot be made")
-    return {name: fault or "works" for name, fault in faults_of.items()}
 
 
 def gl_fault(backend: str) -> str:
@@ -112,39 +104,23 @@ def gl_fault(backend: str) -> str:
     return failure(PROBE, MUJOCO_GL=backend, **library)
 
 
-def _version_list(packages: dict[str, str | None]) -> str:
-    return ", ".join(f"{name} {version or 'MISSING'}" for name, version in packages.items())
-
-
-def _cache_report() -> dict[str, Any]:
-    """Return the state of compiled code and of the cache folders."""
+def _compiler() -> dict[str, Any]:
+    """Return the state of compiled code, and the cache folders."""
     import numba  # which may be broken
 
     from mlivr_gym.compiled.cache import CACHE_VARIABLE, cache_folder, kernel_root
 
-    tables, code = cache_folder(), kernel_root()
-    stored = list(tables.glob("table-*-unpacked.npz")) if tables is not None else []
+    code = there = kernel_root()
+    while not there.exists() and there != there.parent:
+        there = there.parent
+    is_off = vars(numba.config)["DISABLE_JIT"]
+    used = f"numba {numba.__version__}, {numba.get_num_threads()} threads"
     return {
-        "compiled_code": "switched off by NUMBA_DISABLE_JIT"
-        if vars(numba.config)["DISABLE_JIT"]
-        else f"numba {numba.__version__}, {numba.get_num_threads()} threads",
+        "compiled_code": "switched off by NUMBA_DISABLE_JIT" if is_off else used,
         "machine_code_kept_in": str(code),
-        "machine_code_kept": "yes"
-        if any(code.glob("*/*/*.nbc"))
-        else "not yet: the first plan, or `mlivr-gym warmup`, compiles",
-        "step_tables_kept_in": str(tables)
-        if tables is not None
-        else f"nowhere: {CACHE_VARIABLE} is empty",
-        "step_tables_kept": len(stored),
-        "cache_can_be_written": _can_be_written(code),
+        "step_tables_kept_in": str(cache_folder() or f"nowhere: {CACHE_VARIABLE} is empty"),
+        "cache_can_be_written": there.is_dir() and os.access(there, os.W_OK | os.X_OK),
     }
-
-
-def _can_be_written(folder: Path) -> bool:
-    """Return whether files can be written to a folder, which may not exist yet."""
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    return folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
 
 
 def requirements() -> dict[str, dict[str, str | None]]:
@@ -169,37 +145,31 @@ def _version(package: str) -> str | None:
         return None
 
 
-def faults(core: dict[str, str | None]) -> dict[str, str]:
-    """Return what is wrong with required packages and what mends it, one line each, by name.
+def fault(name: str, version: str | None) -> str:
+    """Return what is wrong with a required package and what mends it, in one line; `""` if nothing.
 
-    One is missing, older than any that was tested, or cannot be imported, as MuJoCo is not after
-    an upgrade from 3 to 4 in place.
+    It is missing, older than any that was tested, or cannot be imported, as MuJoCo is not after an
+    upgrade from 3 to 4 in place.
     """
-    faulty = {}
-    for name, version in core.items():
-        oldest = TESTED.get(name, ("0",))[0]
-        if version is None:
-            faulty[name] = f"is missing: pip install '{name}>={oldest}'"
-        elif _parts(version) < _parts(oldest):
-            faulty[name] = f"{version} is too old: pip install '{name}>={oldest}'"
-    rest = [name for name in core if name not in faulty]
-    with ThreadPoolExecutor() as pool:
-        errors = pool.map(lambda name: failure(f"import {MODULES.get(name, name)}"), rest)
-    for name, error in zip(rest, errors, strict=True):
-        if error:
-            told = re.split(r"\.\s", error)[0]  # what follows is advice, which for MuJoCo fails
-            faulty[name] = f"{core[name]} is broken: pip install --force-reinstall {name} ({told})"
-    return faulty
+    oldest = TESTED.get(name, ("0",))[0]
+    if version is None:
+        return f"is missing: pip install '{name}>={oldest}'"
+    if _parts(version) < _parts(oldest):
+        return f"{version} is too old: pip install '{name}>={oldest}'"
+    # What follows the first sentence is advice, which for MuJoCo fails.
+    error = re.split(r"\.\s", failure(f"import {MODULES.get(name, name)}"))[0]
+    remedy = f"pip install --force-reinstall {name}"
+    return error and f"{version} is broken: {remedy} ({error})"
 
 
-def untested(core: dict[str, str | None]) -> dict[str, str]:
-    """Return which of Python and the required packages are newer than any that was tested."""
-    found = {}
-    for name, version in {"Python": platform.python_version(), **core}.items():
-        newest = TESTED[name][1] if name in TESTED else ""
-        if version is not None and newest and _parts(version)[:2] > _parts(newest):
-            found[name] = f"{version} is newer than {newest}, the newest that was tested"
-    return found
+def untested(versions: dict[str, str | None]) -> dict[str, str]:
+    """Return which packages, and Python, are newer than any that was tested."""
+    newest = {name: latest for name, (_, latest) in TESTED.items()}
+    return {
+        name: f"{version} is newer than {newest[name]}, the newest that was tested"
+        for name, version in versions.items()
+        if version and name in newest and _parts(version)[:2] > _parts(newest[name])
+    }
 
 
 def failure(code: str, **variables: str) -> str:
@@ -208,13 +178,10 @@ def failure(code: str, **variables: str) -> str:
     `variables` are further ones of its environment.
     """
     environment = os.environ | {"PYTHONIOENCODING": "utf-8"} | variables
+    program = [sys.executable, "-c", code]
     try:
         done = subprocess.run(
-            [sys.executable, "-c", code],
-            env=environment,
-            capture_output=True,
-            timeout=TIMEOUT,
-            check=False,
+            program, env=environment, capture_output=True, timeout=TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired:
         return f"no result within {TIMEOUT:g} s"

@@ -8,9 +8,7 @@ are the `<numeric>` named `SPEED_LIMITS`.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Sequence
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
@@ -27,13 +25,6 @@ from mlivr_gym.robot.validators import FARTHEST_TURN
 
 SPEED_LIMITS = "speed_limits"
 """Name of the `<numeric>` of an MJCF file that holds the largest speed of each joint [rad/s]."""
-
-PLANNING = "mlivr_gym"
-"""Name of the `<text>` of an MJCF file, and of the element of a URDF file, with the robot that this
-package wrote, as JSON."""
-
-DIGEST = "digest"
-"""Name of the digest of the rest of the file in it."""
 
 LEAST_MASS = 1e-12
 """Mass [kg] and inertia [kg m^2] that MuJoCo is given for frames that have none."""
@@ -182,34 +173,6 @@ class Description:
         seen = [one for one in every if not one.is_solid]
         solid = [one for one in every if one.is_solid and one.is_read]
         return seen if any(one.is_read for one in seen) else solid or seen
-
-
-def written_in(tree: ElementTree.Element) -> tuple[dict[str, Any], bool]:
-    """Return the plain data of the robot that a file of this package has, empty if none.
-
-    Also whether the file is as it was written. The data are taken out of its elements.
-    """
-    text = ""
-    for parent in (tree, *tree.findall("custom")):
-        for entry in list(parent):
-            if entry.tag == PLANNING or (entry.tag == "text" and entry.get("name") == PLANNING):
-                text = entry.get("data") or entry.text or ""
-                parent.remove(entry)
-    if not text:
-        return {}, False
-    try:
-        fields = json.loads(text)
-    except (ValueError, RecursionError):
-        fields = None
-    if not isinstance(fields, dict):
-        raise RobotError(f"the text {PLANNING!r} of the file is not a JSON object")
-    return fields, fields.pop(DIGEST, None) == digest_of(tree)
-
-
-def digest_of(tree: ElementTree.Element) -> str:
-    """Return a digest of the elements of a file, the white space between them aside."""
-    text = ElementTree.tostring(tree, encoding="unicode")
-    return sha256(ElementTree.canonicalize(text, strip_text=True).encode()).hexdigest()
 
 
 def each(name: str, given: Any, count: int, things: str) -> Sequence[Any]:

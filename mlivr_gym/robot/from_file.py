@@ -15,7 +15,7 @@ import numpy as np
 from mlivr_gym.arguments import FileName
 from mlivr_gym.arrays import Array
 from mlivr_gym.errors import RobotError, path_shown
-from mlivr_gym.robot.description import Description, written_in
+from mlivr_gym.robot.description import Description
 from mlivr_gym.robot.fields import RobotFields
 from mlivr_gym.robot.file_arms import FileArm, arms_of
 from mlivr_gym.robot.file_limb import FileLimb, LimbParts, joined, limb_of, limb_parts, mount_of
@@ -32,12 +32,6 @@ from mlivr_gym.world.boxes import Box
 UPPER_ARM_GAP = 0.03
 """Distance of an upper arm from the body [m]: more than the clearance that plans keep."""
 
-PLANNED = (
-    "characteristic_length", "grasp_separation", "span", "heights", "rolls", "lift", "folds",
-    "apart",
-)  # fmt: skip
-"""Fields of a robot that this package wrote into a file, and that hold if the file was changed."""
-
 EVEN = 1e-6
 """Largest deviation of axes and positions [m] that counts as mounted at equal angles."""
 
@@ -47,8 +41,8 @@ class RobotFile(NamedTuple):
 
     fields: dict[str, Any]
     """Fields of `RobotSpec`."""
-    file_limbs: tuple[FileLimb, ...] = ()
-    """Each limb as the file has it; none if this package wrote the file."""
+    file_limbs: tuple[FileLimb, ...]
+    """Each limb as the file has it."""
 
     @property
     def capsule_excess(self) -> tuple[dict[str, float], ...]:
@@ -77,15 +71,11 @@ def read_robot(path: str | Path, **options: Any) -> RobotFile:
     fields = {key: value for key, value in options.items() if key not in said}
     known = FILE_OPTIONS.read(said, FieldPath("", RobotError))
     place = FieldPath(f"robot {path_shown(path)}", RobotError)
-    return place.build(_read, Path(name), known, fields, bool(said))
+    return place.build(_read, Path(name), known, fields)
 
 
-def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: bool) -> RobotFile:
-    tree = read_tree(path)
-    written, is_as_written = written_in(tree)
-    if is_as_written and not is_told:
-        return RobotFile(written | fields)
-    file = Description(path, tree, options)
+def _read(path: Path, options: FileOptions, fields: dict[str, Any]) -> RobotFile:
+    file = Description(path, read_tree(path), options)
     arms = arms_of(file, options)
     members, bases = _body_and_bases(file, arms)
     every = zip(arms, bases, strict=True)
@@ -94,8 +84,7 @@ def _read(path: Path, options: FileOptions, fields: dict[str, Any], is_told: boo
         limbs, build = _one_arm(file, parts[0], options)
     else:
         limbs, build = _whole(file, members, parts, options)
-    planned = {key: value for key, value in written.items() if key in PLANNED}
-    return RobotFile(_fields(file, limbs) | build | planned | fields, tuple(limbs))
+    return RobotFile(_fields(file, limbs) | build | fields, tuple(limbs))
 
 
 def _one_arm(

@@ -87,30 +87,6 @@ class RobotSpec(RobotFields):
         """
         write_whole(path, json.dumps(self.to_dict(), indent=1) + "\n")
 
-    def to_mjcf(self, path: str | Path | None = None) -> str:
-        """Return the robot as MJCF, written to a file if `path` is given.
-
-        Raises a `RobotError` if its masses are not known, and a `FileError` if the file cannot be
-        written.
-        """
-        from mlivr_gym.robot.export import as_mjcf
-
-        return self._written(as_mjcf(self, with_robot=True), path)
-
-    def to_urdf(self, path: str | Path | None = None) -> str:
-        """Return the robot as URDF, written to a file if `path` is given; errors as in `to_mjcf`.
-
-        Its capsules are those of URDF 1.2.
-        """
-        from mlivr_gym.robot.export import as_urdf
-
-        return self._written(as_urdf(self), path)
-
-    def _written(self, text: str, path: str | Path | None) -> str:
-        if path is not None:
-            write_whole(path, text)
-        return text
-
     def carrying(self, cargo: Cargo | dict[str, Any] | None) -> RobotSpec:
         """Return the robot with cargo, given as itself or as plain data; itself without."""
         if cargo is None:

@@ -8,6 +8,7 @@ face in front.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from mlivr_gym.collisions.limb_shapes import LimbShapes
 from mlivr_gym.errors import SceneError, ShapeError
 from mlivr_gym.motion.arguments import ARGUMENTS
 from mlivr_gym.robot.capsules import LINKS
-from mlivr_gym.robot.export import as_mjcf
-from mlivr_gym.robot.rigid import quaternion_of
+from mlivr_gym.robot.limb_dynamics import arm_dynamics, gripper_link
+from mlivr_gym.robot.rigid import RigidBody, quaternion_of
 from mlivr_gym.robot.specification import RobotSpec
 from mlivr_gym.robot.visuals import LIMB_COLOURS
 from mlivr_gym.robot.visuals import rgba as rgba
@@ -116,18 +117,21 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
     A robot without known masses has those of the UR5e. Pictures do not depend on them, and
     `dynamics.dynamics_spec` refuses such a robot.
     """
-    spec = mujoco.MjSpec.from_string(as_mjcf(robot, with_robot=False))
-    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec = mujoco.MjSpec()
+    spec.modelname, spec.compiler.degree, spec.option.gravity = robot.name, False, [0.0, 0.0, 0.0]
     spec.add_material(name="matt", specular=0.1, shininess=0.1)
-    for geom in spec.geoms:
-        geom.contype, geom.conaffinity, geom.material = ROBOT, ROBOT | SURROUNDINGS, "matt"
-        geom.rgba, geom.mass = _colour_of(geom.name), 0.0
-    for joint in spec.joints:
-        joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
-    for site in spec.sites:
-        site.rgba = (0.0, 0.0, 0.0, 0.0)
+    base = _add_body(spec.worldbody, "base", np.eye(4), robot.body_solid)
+    base.add_freejoint(name="base")
+    _add_shape(base, "body", mujoco.mjtGeom.mjGEOM_BOX, size=0.5 * robot.body_edges)
+    if robot.cargo is not None:
+        place, size = _placed(robot.cargo_frame), 0.5 * robot.cargo.edges
+        _add_shape(base, "cargo", mujoco.mjtGeom.mjGEOM_BOX, size=size, **place)
+        for k, (_, ends, radius) in enumerate(robot.cargo.limb_capsules):
+            _add_capsule(base, f"cargo/limb/{k}", ends.tolist(), radius)
+    for i in range(robot.limbs):
+        _add_limb(base, robot, i)
     half = 0.5 * robot.body_edges
-    spec.body("base").add_geom(
+    base.add_geom(
         type=mujoco.mjtGeom.mjGEOM_CYLINDER, pos=[0, 0, half[2]],
         size=[0.6 * half[:2].min(), 0.004, 0], rgba=DISC_COLOUR, mass=0, contype=0, conaffinity=0,
     )  # fmt: skip
@@ -136,6 +140,66 @@ def robot_alone(robot: RobotSpec) -> mujoco.MjSpec:
         for first, second in shapes.never(i):
             spec.add_exclude(bodyname1=_body_name(first, i), bodyname2=_body_name(second, i))
     return spec
+
+
+def _add_limb(base: mujoco.MjsBody, robot: RobotSpec, i: int) -> None:
+    """Add a limb by its number to the body of a robot."""
+    mount, limb, names = robot.mounted[i], robot.every_limb[i], robot.named_joints[i]
+    dynamics = mount.dynamics or arm_dynamics("ur5e")
+    solids = *dynamics.solids, gripper_link(robot.gripper_mass, robot.tool_length)
+    frames = mount.frame, *limb.steps, np.eye(4)
+    body = base
+    for k, (link, solid, frame) in enumerate(zip(LINKS, solids, frames, strict=True)):
+        body = _add_body(body, _body_name(link, i), frame, solid)
+        if 1 <= k <= len(names):
+            body.add_joint(
+                name=names[k - 1], axis=[0.0, 0.0, limb.senses[k - 1]], range=limb.limits[k - 1],
+                armature=dynamics.rotor_inertias[k - 1],
+            )  # fmt: skip
+        shapes = [shape for shape in mount.capsules or () if shape.link == link]
+        for n, shape in enumerate(shapes):
+            _add_capsule(body, f"limb{i}/{link}/{n}", (shape.start, shape.end), shape.radius)
+        if link == "wrist_3":
+            body.add_site(name=f"limb{i}/flange", size=[0.005] * 3, rgba=[0.0] * 4)
+    grasp = [0.0, 0.0, robot.tool_length]
+    body.add_site(name=f"limb{i}/grasp", pos=grasp, size=[0.005] * 3, rgba=[0.0] * 4)
+
+
+def _add_body(parent: mujoco.MjsBody, name: str, frame: Array, solid: RigidBody) -> mujoco.MjsBody:
+    """Add a body with a frame in that of its parent, shape (4, 4)."""
+    body = parent.add_body(name=name, **_placed(frame))
+    if solid.mass:
+        body.explicitinertial, body.mass, body.ipos = True, solid.mass, solid.centre
+        if any(solid.inertia[3:]):
+            body.fullinertia = solid.inertia
+        else:
+            body.inertia = solid.inertia[:3]
+    return body
+
+
+def _add_capsule(
+    body: mujoco.MjsBody, name: str, ends: Sequence[Sequence[float]], radius: float
+) -> None:
+    """Add a capsule to a body, or if its ends are one a ball."""
+    start, end, size = *ends, [radius, 0.0, 0.0]
+    if start == end:
+        _add_shape(body, name, mujoco.mjtGeom.mjGEOM_SPHERE, pos=start, size=size)
+    else:
+        # MuJoCo has the shape's z axis point to the end that is named first.
+        _add_shape(body, name, mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=(*end, *start), size=size)
+
+
+def _add_shape(body: mujoco.MjsBody, name: str, kind: mujoco.mjtGeom, **figures: Any) -> None:
+    """Add a collision shape to a body; masses are those of the bodies."""
+    body.add_geom(
+        name=name, type=kind, contype=ROBOT, conaffinity=ROBOT | SURROUNDINGS, material="matt",
+        rgba=_colour_of(name), mass=0.0, **figures,
+    )  # fmt: skip
+
+
+def _placed(frame: Array) -> dict[str, Array]:
+    """Return position and quaternion of a frame of shape (4, 4)."""
+    return {"pos": frame[:3, 3], "quat": quaternion_of(frame[:3, :3])}
 
 
 def _colour_of(shape: str) -> tuple[float, ...]:

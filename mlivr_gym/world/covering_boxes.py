@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mlivr_gym.arguments import checked
-from mlivr_gym.arrays import Array, IntArray
+from mlivr_gym.arrays import Array
 from mlivr_gym.errors import ShapeError
 from mlivr_gym.schema import NAME, Numbers, Tuples
 from mlivr_gym.values import MAX_LENGTH, MIN_SIZE, as_triple
@@ -62,22 +62,13 @@ def point_cloud_boxes(
             f"points span {' x '.join(map(str, shape))} cubes of {resolution:g} m; at most "
             f"{MOST_CUBES:,} are allowed: choose a larger resolution"
         )
-    low, high = merged_runs(np.ravel_multi_index((cells - first).T, shape), shape)
+    numbers = np.unique(np.ravel_multi_index((cells - first).T, shape))
+    # NumPy sorts short integers several times faster.
+    low = np.stack(np.unravel_index(numbers, shape), 1).astype(np.min_scalar_type(shape.max()))
+    low, high = merged_neighbours(low, low + 1)
     return Box.each_between(
         name, "obstacle", (first + low) * resolution, (first + high) * resolution
     )
-
-
-def merged_runs(cells: IntArray, shape: IntArray) -> tuple[Array, Array]:
-    """Return boxes of cells, each cell in one: their corners, shape (k, 3) each.
-
-    `cells` are numbers of the cells in a grid, in any order and maybe repeated, and `shape` is the
-    size of the grid, shape (3,).
-    """
-    # NumPy sorts short integers several times faster.
-    kind = np.min_scalar_type(shape.max())
-    low = np.stack(np.unravel_index(np.unique(cells), shape), axis=1).astype(kind)
-    return merged_neighbours(low, low + 1)
 
 
 @checked({"name": NAME, "start": CORNER, "end": CORNER, "radius": POSITIVE}, ShapeError)

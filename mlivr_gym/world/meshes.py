@@ -150,34 +150,30 @@ def _triangles(path: str | Path) -> Array:
     return corners
 
 
-def merged_cells(
-    touched: BoolArray, allowed: BoolArray | None = None
-) -> list[tuple[IntArray, IntArray]]:
-    """Return boxes of whole cells that cover the marked cells, and others only if allowed.
+def merged_cells(touched: BoolArray) -> list[tuple[IntArray, IntArray]]:
+    """Return boxes of whole cells that cover each marked cell once, and no other.
 
     Each box begins at the first marked cell that is not covered yet and grows along z, then y, then
-    x. Without `allowed` each marked cell is covered once.
+    x.
     """
-    waiting, boxes = _columns(touched), []
-    free = waiting if allowed is None else _columns(allowed)
+    # The cells along z as the bits of a number, the first one the lowest, by x and y.
+    packed = np.packbits(touched, axis=2, bitorder="little").tolist()
+    waiting = [[int.from_bytes(column, "little") for column in plane] for plane in packed]
+    boxes = []
     for x, y in np.argwhere(touched.any(axis=2)).tolist():
         while rest := waiting[x][y]:
             z = (rest & -rest).bit_length() - 1
-            above = free[x][y] >> z
-            top = z + max((~above & (above + 1)).bit_length() - 1, 1)
+            above = rest >> z
+            top = z + (~above & (above + 1)).bit_length() - 1
             cells = (1 << top) - (1 << z)
             side, end = y + 1, x + 1
-            while side < touched.shape[1] and free[x][side] & cells == cells:
+            while side < touched.shape[1] and waiting[x][side] & cells == cells:
                 side += 1
-            while end < touched.shape[0] and all(one & cells == cells for one in free[end][y:side]):
+            while end < touched.shape[0] and all(
+                one & cells == cells for one in waiting[end][y:side]
+            ):
                 end += 1
             for columns in waiting[x:end]:
                 columns[y:side] = [one & ~cells for one in columns[y:side]]
             boxes.append((np.array([x, y, z]), np.array([end, side, top])))
     return boxes
-
-
-def _columns(cells: BoolArray) -> list[list[int]]:
-    """Return the cells along z as the bits of a number, the first one the lowest, by x and y."""
-    packed = np.packbits(cells, axis=2, bitorder="little")
-    return [[int.from_bytes(column, "little") for column in plane.tolist()] for plane in packed]

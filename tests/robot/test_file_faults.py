@@ -14,6 +14,7 @@ from robot_texts import (
     frames_along,
     hinge,
     joint_of,
+    mjcf_by_mujoco,
     more,
     one_arm,
     straight_arm,
@@ -150,7 +151,7 @@ def test_a_file_is_read_by_its_own_declaration(tmp_path, encoding):
 
 ARM = one_arm()
 WELD = '<equality><weld body1="limb0/gripper" body2="limb1/gripper"/></equality></mujoco>'
-MJCF = robot_spec("mlivr2").to_mjcf().replace("</mujoco>", WELD)
+MJCF = mjcf_by_mujoco(robot_spec("mlivr2")).replace("</mujoco>", WELD)
 LOOP = '<joint name="again" type="fixed"><parent link="base_link"/><child link="link4"/></joint>'
 THIRD = 'lower="-3.1" upper="3.0"'
 

@@ -1,4 +1,4 @@
-"""Robots from URDF and MJCF, and the same after they were written and read again."""
+"""Robots from URDF and MJCF files, and robots that were saved and read again."""
 
 import re
 from dataclasses import replace
@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from oracle import frames_of as numeric_frames
-from robot_texts import FRANKA, GEN3, UR10E, one_arm, whole_robot, written
+from robot_texts import FRANKA, GEN3, UR10E, mjcf_by_mujoco, one_arm, whole_robot, written
 from unequal_robots import unequal
 
 from mlivr_gym import RobotSpec, robot_spec
@@ -97,15 +97,8 @@ def test_a_torso_whose_arms_reach_forward_is_told_which_way_is_up(tmp_path):
         np.testing.assert_allclose(away, 0.0, atol=1e-9)
 
 
-def test_saved_robots_are_read_again(tmp_path):
-    path = tmp_path / "saved.json"
-    for robot in (robot_spec("mlivr3"), robot_spec(written(tmp_path, one_arm()))):
-        robot.save(path)
-        assert robot_spec(str(path)) == robot
-
-
 def test_a_joint_of_an_mjcf_may_have_no_range_and_no_speed(tmp_path):
-    text = robot_spec("mlivr2").to_mjcf()
+    text = mjcf_by_mujoco(robot_spec("mlivr2"))
     endless = re.sub(r'(name="limb0/joint6"[^>]*?) range="[^"]*"', r"\1", text)
     assert endless != text
     limbs = [robot_spec(written(tmp_path, t, "r.xml")).every_limb[0] for t in (text, endless)]
@@ -115,9 +108,6 @@ def test_a_joint_of_an_mjcf_may_have_no_range_and_no_speed(tmp_path):
     slow = written(tmp_path, text.replace('name="speed_limits"', 'name="others"'), "slow.xml")
     assert "lacks speed limit of joint limb0/joint1" in robot_spec(slow).source
     assert RobotSpec.from_mjcf(slow, speed_limits=1.5).speed_limits.max() == 1.5
-
-
-SAVED = {"json": RobotSpec.save, "urdf": RobotSpec.to_urdf, "xml": RobotSpec.to_mjcf}
 
 
 def held(joint, angle):
@@ -151,8 +141,8 @@ MADE = {
                           base_inertia=(0.05, 0.06, 0.03, 0.0, 0.001, 0.0)),
 }  # fmt: skip
 GIVEN_A_GRIPPER = ("ssrms2", "no gripper", "bare", "short gripper")
-"""Robots whose grippers have no shape, or hardly any length: the last link has their mass in a file
-that was changed."""
+"""Robots whose grippers have no shape, or hardly any length: the last link has their mass in MJCF.
+"""
 
 READ = {
     "franka": (FRANKA, "joint6", 1.9), "gen3": (GEN3, "joint3", 0.6),
@@ -171,7 +161,7 @@ def motion(robot):
 
 
 @pytest.mark.parametrize("name", [*MADE, *READ])
-def test_a_robot_is_the_same_from_its_own_files_and_from_changed_ones(tmp_path, name):
+def test_a_robot_is_the_same_from_its_file_and_moves_so_from_its_scene(tmp_path, name):
     if name in MADE:
         robot = MADE[name]()
     else:
@@ -179,15 +169,10 @@ def test_a_robot_is_the_same_from_its_own_files_and_from_changed_ones(tmp_path, 
         path = written(tmp_path, one_arm(frames=frames))
         options = {} if joint is None else {"locked_joint": joint, "locked_angle": angle}
         robot = RobotSpec.from_urdf(path, mount_radius=0.2, **options)
-    for kind, save in SAVED.items():
-        save(robot, tmp_path / f"again.{kind}")
-        assert robot_spec(tmp_path / f"again.{kind}") == robot
-        if kind != "json":
-            text = (tmp_path / f"again.{kind}").read_text()
-            changed = re.sub(r'(<robot name|<mujoco model)="[^"]*"', r'\1="other"', text)
-            assert text != changed
-            again = robot_spec(written(tmp_path, changed, f"changed.{kind}"))
-            assert (again.name, again.heights, again.span) == ("other", robot.heights, robot.span)
-            if robot.mounts is None and name not in GIVEN_A_GRIPPER:
-                for mine, theirs in zip(motion(robot), motion(again), strict=True):
-                    np.testing.assert_allclose(mine, theirs, atol=1e-9)
+    robot.save(tmp_path / "again.json")
+    assert robot_spec(tmp_path / "again.json") == robot
+    if robot.mounts is None and name not in GIVEN_A_GRIPPER:
+        path = written(tmp_path, mjcf_by_mujoco(robot), "again.xml")
+        again = RobotSpec.from_mjcf(path)
+        for mine, theirs in zip(motion(robot), motion(again), strict=True):
+            np.testing.assert_allclose(mine, theirs, atol=1e-4)

@@ -15,6 +15,7 @@ def pinocchio_robot(robot):
     """The robot from the manufacturer's joint origins and inertias, on a free flyer."""
     data, model = arm_data("ur5e"), pin.Model()
     base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    model.addJointFrame(base)
     cube = pin.Inertia.FromBox(robot.body_mass, *[robot.body_size] * 3)
     model.appendBodyToJoint(base, cube, pin.SE3.Identity())
     for i in range(robot.limbs):
@@ -27,6 +28,7 @@ def pinocchio_robot(robot):
             turn = pin.rpy.rpyToMatrix(*map(float, origin["rpy"]))
             here = here * pin.SE3(turn, np.array(origin["xyz"], dtype=float))
             parent = model.addJoint(parent, pin.JointModelRZ(), here, f"limb{i}/joint{k + 1}")
+            model.addJointFrame(parent)
             here = pin.SE3.Identity()
             centre, moments = (np.array(link[f"{name}_urdf"], float) for name in ("com", "inertia"))
             model.appendBodyToJoint(parent, pin.Inertia(link["mass"], centre, moments), here)

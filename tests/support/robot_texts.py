@@ -6,6 +6,8 @@ import warnings
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mlivr_gym.simulation.scene import robot_alone
+
 UR10E = (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655)
 """Lengths of the UR10e [m]: Universal_Robots_ROS2_Description, config/ur10e (BSD-3-Clause)."""
 
@@ -226,3 +228,14 @@ def straight_arm():
 def with_mesh(text, name):
     """A file in which a mesh is the first shape of a link that moves."""
     return text.replace('<sphere radius="0.03"/>', f'<mesh filename="{name}"/>', 1)
+
+
+def mjcf_by_mujoco(robot):
+    """A robot as MuJoCo writes its model, to six digits, with its limits of torque and speed."""
+    spec = robot_alone(robot)
+    names, torques = np.ravel(robot.named_joints).tolist(), robot.torque_limits.ravel()
+    for name, torque in zip(names, torques, strict=True):
+        spec.joint(name).actfrcrange = [-torque, torque]
+    spec.add_numeric(name="speed_limits", data=robot.speed_limits.ravel(), size=len(names))
+    spec.compile()
+    return spec.to_xml()

@@ -8,6 +8,7 @@ from importlib import import_module
 
 import numpy as np
 from plans import first_steps
+from robot_texts import mjcf_by_mujoco, one_arm
 
 from mlivr_gym import (
     Box,
@@ -262,8 +263,8 @@ def row(task, a):
 
 
 FILES = {
-    "robot.urdf": lambda of, path: robot_spec("mlivr2-ur10e").to_urdf(path),
-    "robot.xml": lambda of, path: robot_spec("mlivr2-ur10e").to_mjcf(path),
+    "robot.urdf": lambda of, path: path.write_text(one_arm()),
+    "robot.xml": lambda of, path: path.write_text(mjcf_by_mujoco(robot_spec("mlivr2-ur10e"))),
     "robot.json": lambda of, path: of["RobotSpec"].save(path),
     "plan.json": lambda of, path: of["whole plan"].save(path),
     "map.json": lambda of, path: of.map.save(path),

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pinocchio
+from pinocchio_robots import pinocchio_robot
 
 from mlivr_gym.extensions.cargo.arm_motion import LimbScene
 from mlivr_gym.kinematics import grasp_rows
@@ -13,8 +14,8 @@ def test_each_line_from_a_point_begins_there_and_lies_along_its_normal(checked_g
     robot, grasp_map = checked_graph.robot, checked_graph.grasp_map
     scene, found = LimbScene(robot, 0, None, (grasp_map, ())), 0
     scene.stand(position, quaternion, joints)
-    model = pinocchio.buildModelFromXML(robot.to_urdf(), pinocchio.JointModelFreeFlyer())
-    data, tip = model.createData(), model.getFrameId("limb0/grasp")
+    model = pinocchio_robot(robot)
+    data, tip = model.createData(), model.getFrameId("grasp0")
     q = np.concatenate([position, np.roll(quaternion, -1), joints.ravel()])
     for k in np.linalg.norm(grasp_map.positions - position, axis=1).argsort()[:60]:
         point, (rail, _, normal) = grasp_map.positions[k], grasp_map.rotations[k].T
