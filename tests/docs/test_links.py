@@ -98,19 +98,6 @@ def test_readme_and_reports_say_what_the_results_say(told, monkeypatch):
     assert readme.stale() == []
 
 
-def test_a_figure_that_was_typed_is_noticed(told):
-    for page, mark in (
-        ("README.md", "<!-- paper -->\n"),
-        ("docs/results.md", "<!-- table1 -->\n"),
-        ("docs/formats.md", "<!-- fields_map -->\n"),
-    ):
-        text = (readme.ROOT / page).read_text(encoding="utf-8")
-        assert readme.filled(text, told) == text
-        typed = text.replace(mark, f"{mark}| 1 | typed | 42 |\n")
-        assert typed != text
-        assert readme.filled(typed, told) == text
-
-
 def test_every_part_is_shown_and_every_mark_is_of_a_part(told):
     """A mark that lost its end, or its part, would never be filled again."""
     texts = [page.read_text(encoding="utf-8") for page in readme.pages()]
