@@ -11,6 +11,7 @@ from mlivr_gym import Box, MlivrError, stance_graph
 from mlivr_gym.compiled import kernels, limb_branch_sets
 from mlivr_gym.compiled.kernels import in_parallel, workers
 from mlivr_gym.compiled.records import Record
+from mlivr_gym.compiled.scratch import ScratchPool
 from mlivr_gym.planners import (
     Planner,
     SearchOptions,
@@ -138,3 +139,18 @@ def test_machine_code_is_kept_where_the_environment_says(tmp_path, variable):
         assert folder.startswith(str(tmp_path / "here"))
         assert given == (str(tmp_path / "here") if variable == "NUMBA_CACHE_DIR" else "")
     assert not list(tmp_path.glob("ours/*")) or variable != "NUMBA_CACHE_DIR"
+
+
+class Numbers(Record):
+    """Scratch of a test."""
+
+    count: int
+
+
+def test_two_calls_at_once_have_scratch_of_their_own_and_later_ones_the_same_again():
+    pool = ScratchPool(Numbers)
+    with pool.borrowed() as one, pool.borrowed() as other:
+        one(1)["count"], other(1)["count"] = 1, 2
+        assert (one(1)["count"], other(1)["count"]) == (1, 2)
+    with pool.borrowed() as again:
+        assert again(1)["count"] in (1, 2)
