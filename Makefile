@@ -78,8 +78,7 @@ results: $(VENV)/.dev
 	$(BIN)/python experiments/cargo_mission.py
 	$(BIN)/python experiments/failed_joints.py
 	$(BIN)/python experiments/robots.py
-	$(BIN)/python experiments/pace_film.py
-	$(BIN)/python experiments/environment_films.py
+	$(BIN)/python experiments/films.py
 	$(BIN)/mlivr-gym walk --start D2a:4 D2b:4 --goal 6.0 0.0 0.42 --unknown 3.2 -1.0 -1.0 3.4 1.0 0.2 \
 	  --unknown 4.7 0.3 0.0 5.0 0.8 0.5 --film results/closed_loop.gif --size 464 288 --speed 12
 	$(BIN)/python experiments/overview.py

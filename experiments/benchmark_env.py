@@ -102,8 +102,8 @@ def best(what: str, settings: str, run: Callable[[int], float]) -> dict[str, Any
     return {"what": what, "settings": settings, "wall": max(speeds), "median": median}
 
 
-def measure(seconds: float) -> list[dict[str, Any]]:
-    """Measure every environment; each repetition takes `seconds` [s]."""
+def measured(seconds: float) -> dict[str, Any]:
+    """Return the speeds, measured in repetitions of some time [s], and the machine."""
     rows, plain = [], dict[str, Any](disable_env_checker=True)
     for arguments in SINGLE:
         env = gymnasium.make(ID, **plain, **arguments)
@@ -126,12 +126,6 @@ def measure(seconds: float) -> list[dict[str, Any]]:
     for name in ("Taxi-v4", "FrozenLake-v1", "Ant-v5"):
         env = gymnasium.make(name, **plain)
         rows.append(best(name, "", partial(single, env, seconds, name == "Taxi-v4")))
-    return rows
-
-
-def measured(seconds: float) -> dict[str, Any]:
-    """Return the speeds and the machine."""
-    rows = measure(seconds)
     machine = f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}"
     return {"machine": machine, "seconds": seconds, "rows": rows}
 

@@ -56,13 +56,9 @@ def mismatch(case: int, plan: Plan) -> float:
 def planned(planner: Planner, setup: dict[str, Any], case: int, mode: str) -> Plan | None:
     """Return the plan of a case, or None if no plan exists."""
     heuristic = MODES[mode].heuristic if mode == "faithful" else "relaxed"
-    return planner.plan(
-        setup["start"],
-        setup["goal"],
-        CASES[case].cost,
-        options=SearchOptions(heuristic=heuristic),
-        goal_face=FACE,
-    ).plan
+    options = SearchOptions(heuristic=heuristic)
+    given = setup["start"], setup["goal"], CASES[case].cost
+    return planner.plan(*given, options=options, goal_face=FACE).plan
 
 
 @cache

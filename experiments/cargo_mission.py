@@ -15,7 +15,7 @@ import numpy as np
 from reports import CORES, experiment, study_rows, table
 
 from mlivr_gym import jem_map, stance_graph
-from mlivr_gym.extensions.cargo import CargoMission, plan_cargo_mission
+from mlivr_gym.extensions.cargo import plan_cargo_mission
 from mlivr_gym.motion import JointPath
 from mlivr_gym.robot import Cargo
 from mlivr_gym.simulation import PACES, Recording, compile_spec, scene_spec
@@ -30,14 +30,10 @@ MASSES, SIZE = (1.0, 10.0, 30.0, 100.0), 0.2
 """Masses [kg] and edge [m] of the bags."""
 
 
-def planned(mass: float) -> CargoMission:
-    """Return the mission with a bag of a mass."""
-    return plan_cargo_mission(stance_graph(robot="mlivr3"), START, PICK, STOW, Cargo(mass, SIZE))
-
-
 def missions(task: int, mass: float) -> dict[str, Any]:
     """Return limb, steps, times [s] and loads of the mission at each pace."""
-    mission = planned(mass)
+    graph = stance_graph(robot="mlivr3")
+    mission = plan_cargo_mission(graph, START, PICK, STOW, Cargo(mass, SIZE))
     row: dict[str, Any] = {"limb": mission.limb, "steps": [len(p.steps) for p in mission.plans]}
     for pace in ("fast", "gentle"):
         parts = mission.execute(PACES[pace])

@@ -195,14 +195,12 @@ def by_mode(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
     for row in rows:
         if row["outcome"] is not None:
             times = [round(seconds, 4) for seconds in row["replanning_times"]]
-            kept = {name: rounded(one) for name, one in figures_of(row, "mode").items()}
+            kept = {
+                name: round(one, 3) if isinstance(one, float) else one
+                for name, one in figures_of(row, "mode").items()
+            }
             walks[row["mode"]].append(kept | {"replanning_times": times})
     return walks
-
-
-def rounded(value: Any) -> Any:
-    """Return a number to three decimal places, and anything else as it is."""
-    return round(value, 3) if isinstance(value, float) else value
 
 
 def row_of(mode: str, walks: list[dict[str, Any]]) -> list[str]:

@@ -13,9 +13,6 @@ from mlivr_gym.agents.evaluation import bootstrap
 from mlivr_gym.arrays import Array
 from mlivr_gym.pictures import save_figure
 
-NOT_MEASURED, NEVER_REACHED = "not measured", "goal never reached"
-"""Words in the figure in place of missing values."""
-
 SPLITS = {
     "same": "same map",
     "half": "half the points",
@@ -277,7 +274,7 @@ def _mean(axis: Any, y: float, values: Array | None, colour: str, form: str) -> 
     """Draw a mean with its 95 % bootstrap interval and its value, or why it is missing."""
     style: dict[str, Any] = {"fontsize": 6.5, "va": "center"}
     if values is None or not len(values):
-        words = NOT_MEASURED if values is None else NEVER_REACHED
+        words = "not measured" if values is None else "goal never reached"
         axis.annotate(words, (0.02, y), xycoords=axis.get_yaxis_transform(), style="italic",
                       color="0.45", **style)  # fmt: skip
         return

@@ -8,7 +8,6 @@ base paths of a random sample of edges of the stance graph as thin lines. Writes
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +19,6 @@ from mlivr_gym.arrays import Array
 from mlivr_gym.pictures import Camera, Route, SceneRenderer, save_figure
 from mlivr_gym.pictures.figures import BASE_COLOUR, GOAL_COLOUR
 from mlivr_gym.pictures.scene_shapes import add_capsule, rgba
-from mlivr_gym.planners import Plan
 from mlivr_gym.robot import LIMB_COLOURS
 from mlivr_gym.stances import StanceGraph
 from mlivr_gym.world import BOX, scene_name
@@ -50,8 +48,10 @@ def edge_paths(graph: StanceGraph) -> Array:
     return np.array(found)
 
 
-def overview(graph: StanceGraph, plan: Plan, path: Path) -> None:
-    """Draw the figure with its legend."""
+def main() -> None:
+    """Plan the walk and draw it."""
+    path = command_line(__doc__).parse_args().out / "overview.png"
+    graph, plan = case_3()
     renderer = SceneRenderer(graph.grasp_map, graph.robot, WIDTH, HEIGHT)
     for box in CUT_OPEN:
         renderer.model.geom(scene_name(BOX, box)).rgba[3] = 0.0
@@ -93,15 +93,8 @@ def overview(graph: StanceGraph, plan: Plan, path: Path) -> None:
         "the forward wall is cut away"
     )
     figure.text(0.012, 0.918, caption, fontsize=10.5, va="center", color="0.25")
+    path.parent.mkdir(parents=True, exist_ok=True)
     save_figure(figure, path, vector=False)
-
-
-def main() -> None:
-    """Plan the walk and draw it."""
-    out = command_line(__doc__).parse_args().out
-    graph, plan = case_3()
-    out.mkdir(parents=True, exist_ok=True)
-    overview(graph, plan, out / "overview.png")
 
 
 if __name__ == "__main__":

@@ -115,7 +115,8 @@ def in_front(rows: list[dict[str, Any]]) -> BoolArray:
 def markdown(data: dict[str, Any]) -> str:
     """Return the page with the front and the means over random tasks."""
     rows, front = data["plans"], in_front(data["plans"])
-    best = sorted((row for row, is_in in zip(rows, front, strict=True) if is_in), key=_order)
+    best = [row for row, is_in in zip(rows, front, strict=True) if is_in]
+    best.sort(key=lambda row: (row["steps"], row["translation"], row["time"]))
     cells = [
         [
             row["steps"], f"{row['translation']:.2f}", f"{row['time']:.1f}", f"{row['peak']:.1f}",
@@ -169,11 +170,6 @@ Neither bounds what other plans could save. A query takes {data["spent"]:.0f} s
 of processor time.
 
 {table(titles, means)}"""
-
-
-def _order(row: dict[str, Any]) -> tuple[float, ...]:
-    """Return by what the table is sorted."""
-    return row["steps"], row["translation"], row["time"]
 
 
 def picture(data: dict[str, Any], path: Path) -> None:

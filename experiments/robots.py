@@ -22,13 +22,11 @@ import numpy as np
 from reports import ROOT, by_level, experiment, study_rows, table
 
 from mlivr_gym import Settings, robot_spec, stance_graph
-from mlivr_gym.collisions import Configuration
 from mlivr_gym.pictures import Camera, SceneRenderer, save_image, with_caption
 from mlivr_gym.planners import Planner
 from mlivr_gym.robot import ROBOTS
 from mlivr_gym.robot.limb_dynamics import arm_of
 from mlivr_gym.simulation import Setup, execute
-from mlivr_gym.stances import StanceGraph
 
 
 class Walk(NamedTuple):
@@ -126,16 +124,6 @@ def markdown(data: dict[str, Any]) -> str:
     return table(head, rows)
 
 
-def shot(
-    graph: StanceGraph, shown: Configuration, camera: Camera, caption: str, size: tuple[int, int]
-) -> Any:
-    """Return a picture of a configuration, of a size without its caption [px]."""
-    renderer = SceneRenderer(graph.grasp_map, graph.robot, *size)
-    image = renderer.render(*shown, camera=camera)
-    renderer.close()
-    return with_caption(image, caption, size[1])
-
-
 def picture(data: dict[str, Any], path: Path) -> None:
     """Draw the robots that walk in the module in the first stance, with their names."""
     shots = []
@@ -144,7 +132,9 @@ def picture(data: dict[str, Any], path: Path) -> None:
         shown = graph.configuration(graph.state(WALKS[name].start))
         x, y, z = shown[0].tolist()
         camera = Camera((x, y, z - 0.2), distance=2.7, azimuth=70.0, elevation=-15.0)
-        shots.append(shot(graph, shown, camera, name, SIZE))
+        renderer = SceneRenderer(graph.grasp_map, graph.robot, *SIZE)
+        shots.append(with_caption(renderer.render(*shown, camera=camera), name, SIZE[1]))
+        renderer.close()
     save_image(np.hstack(shots), path)
 
 

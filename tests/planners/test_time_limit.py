@@ -155,6 +155,12 @@ def known_steps():
     return graph
 
 
+@pytest.fixture(scope="module", autouse=True)
+def known_steps_go_with_this_file():
+    yield
+    known_steps.cache_clear()
+
+
 def two_limbs_among_obstacles():
     return among_obstacles(unknown_steps(), small_table(2)[1].base_position)
 

@@ -11,9 +11,9 @@ def live(checked_graph, walk):
     checked_graph.vacate()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def scenes_made_once():
-    """Each scene is made once for all pages and files, which only read it; it takes a second."""
+    """Each scene is made once for the tests of a file, which only read it; it takes a second."""
     solids = pytest.importorskip(
         "mlivr_gym.extensions.viewer.drawing", reason="the extra 'viewer' is missing"
     )
