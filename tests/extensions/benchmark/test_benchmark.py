@@ -37,6 +37,13 @@ TASKS = 15
 ENTRIES = sorted(path.parent for path in (ROOT / "benchmark").glob("*/summary.json"))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def environments_are_dropped_after_these_tests():
+    """All six of them take half a gigabyte."""
+    yield
+    environment.cache_clear()
+
+
 class Learner:
     """Takes five steps, and then acts as the expert does."""
 
