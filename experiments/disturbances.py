@@ -22,9 +22,9 @@ from scipy.stats import binomtest
 
 from mlivr_gym.motion import Durations
 from mlivr_gym.pictures import save_figure
-from mlivr_gym.simulation import Limits, Setup, execute
-from mlivr_gym.simulation.disturbances import ALL, DisturbanceRanges
-from mlivr_gym.simulation.parameters import CONTROLLERS, PACES, PAPER, ControllerParameters
+from mlivr_gym.simulation import PACES, DisturbanceRanges, Limits, Setup, execute
+from mlivr_gym.simulation.disturbances import ALL
+from mlivr_gym.simulation.parameters import CONTROLLERS, PAPER, ControllerParameters
 
 TASKS, SEED = 20270101, 77_000
 """Seeds of the held-out tasks and of their disturbances; gains were tuned with other seeds."""

@@ -33,8 +33,8 @@ from mlivr_gym.motion import Durations
 from mlivr_gym.motion.time_scaling import duration_of
 from mlivr_gym.pictures import simulation_figure
 from mlivr_gym.planners import Plan, Planner
-from mlivr_gym.simulation import Execution, Limits, Setup, execute
-from mlivr_gym.simulation.parameters import CONTROLLERS, PACES
+from mlivr_gym.simulation import PACES, Execution, Limits, Setup, execute
+from mlivr_gym.simulation.parameters import CONTROLLERS
 from mlivr_gym.simulation.path_dynamics import segment_dynamics
 from mlivr_gym.simulation.timing import shortest_scaling, step_trajectory
 from mlivr_gym.stances import StanceGraph

@@ -6,8 +6,7 @@ import numpy as np
 from reports import table
 
 from mlivr_gym.robot.limb_dynamics import arm_dynamics
-from mlivr_gym.simulation import PACES, Physics
-from mlivr_gym.simulation.disturbances import DisturbanceRanges
+from mlivr_gym.simulation import PACES, DisturbanceRanges, Physics
 from mlivr_gym.simulation.grippers import PATIENCE
 from mlivr_gym.simulation.parameters import CONTROLLERS, PAPER, ControllerParameters
 
