@@ -14,6 +14,7 @@ from mlivr_gym.errors import SettingError, StanceError
 from mlivr_gym.kinematics.batches import distance, distances
 from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.table_values import TableValues, in_goal_region
+from mlivr_gym.schema import FieldPath, Flag
 from mlivr_gym.stances.moves import TableMoves
 from mlivr_gym.stances.random_states import TRIES
 from mlivr_gym.stances.stance_graph import StanceGraph
@@ -49,6 +50,10 @@ class LayoutTasks:
     """
 
     clustered: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the field."""
+        Flag().read(self.clustered, FieldPath("clustered", SettingError))
 
     @checked({"tolerance": NOT_NEGATIVE})
     def draw(

@@ -17,18 +17,20 @@ class Task(NamedTuple):
     start: State
     """State at the start."""
     goal: Array
-    """Goal position of the base [m], shape (3,)."""
+    """Goal position of the base [m], shape (3,); unlike a planner's query it has no goal face."""
 
 
 class TaskGenerator(Protocol):
     """Interface of a task generator.
 
+    With a method `to_dict`, which returns plain data, the `spec` of its environment can be written
+    as JSON.
+
     Examples
     --------
     Tasks whose goal lies at least 2 m from the start:
 
-    >>> from mlivr_gym.envs.env import MlivrEnv
-    >>> from mlivr_gym.envs.tasks import sample_task
+    >>> from mlivr_gym.envs import MlivrEnv, sample_task
     >>> class LongTasks:
     ...     def draw(self, graph, rng, tolerance, start=None):
     ...         return sample_task(graph, rng, 2.0, start)

@@ -22,7 +22,7 @@ from mlivr_gym.planners.costs import Cost
 from mlivr_gym.planners.outcome import GOAL_REACHED
 from mlivr_gym.planners.query import Goal, SearchQuery
 from mlivr_gym.planners.searches import GraphSearcher
-from mlivr_gym.schema import Choice, FieldPath, Integer
+from mlivr_gym.schema import NAME, Choice, FieldPath, Fields, Flag, Integer
 from mlivr_gym.stances.random_states import TRIES, Randomness, random_state
 from mlivr_gym.stances.stance_graph import StanceGraph
 from mlivr_gym.transitions.state import State
@@ -52,6 +52,10 @@ class WalkTasks:
     """
 
     far: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the field."""
+        Flag().read(self.far, FieldPath("far", SettingError))
 
     @checked({"tolerance": NOT_NEGATIVE})
     def draw(
@@ -118,10 +122,10 @@ TASK_GENERATORS: dict[str, TaskGenerator] = {
 
 def _read_generator(given: Any, path: FieldPath) -> TaskGenerator:
     """Return a task generator that is given as itself, by name or as plain data; refuse a class."""
-    name = given.get("kind") if isinstance(given, dict) else given
+    name = Fields({"kind": NAME}).read(given, path)["kind"] if isinstance(given, dict) else given
     if isinstance(name, str):
         return TASK_GENERATORS[Choice(tuple(TASK_GENERATORS)).read(name, path)]
-    if isinstance(given, dict | type) or not callable(getattr(given, "draw", None)):
+    if isinstance(given, type) or not callable(getattr(given, "draw", None)):
         valid = ", ".join(map(repr, TASK_GENERATORS))
         raise path.refused(given, f"one of {valid} or a TaskGenerator")
     generator: TaskGenerator = given
@@ -191,6 +195,8 @@ def draw_task(
     rng = np.random.default_rng(stream.state)
     task = generator.draw(graph, rng, tolerance, start)
     stream.state = int(rng.integers(2**63))
+    if not isinstance(task, Task):
+        raise SettingError(f"the task generator drew {shortened(task)}; it must be a Task")
     if not isinstance(task.start, State):
         raise SettingError(
             f"the task generator drew the start {shortened(task.start)}; it must be a State"

@@ -90,10 +90,10 @@ def scene_spec(
     world = spec.worldbody
     # MuJoCo looks for collisions with a face only near its boxes, and everywhere near the world's.
     faces = dict.fromkeys(box.face for box in boxes if box.face)
-    bodies = {face: world.add_body(name=f"boxes/{face}") for face in faces}
+    fixed = {face: world.add_body(name=f"boxes/{face}") for face in faces}
     turned = quaternion_of(np.array([box.rotation for box in boxes]).reshape(-1, 3, 3))
     for box, quaternion in zip(boxes, turned, strict=True):
-        bodies.get(box.face, world).add_geom(
+        fixed.get(box.face, world).add_geom(
             name=scene_name(BOX, box.id), type=mujoco.mjtGeom.mjGEOM_BOX, pos=box.centre,
             size=box.half, rgba=COLOURS[box.kind],
             material="metal" if box.kind in _METAL else "matt", group=FACE_GROUPS.get(box.face, 0),

@@ -8,7 +8,7 @@ import pytest
 from state_graph import least_cost, reachable, within
 
 from mlivr_gym.agents import ExpertPolicy
-from mlivr_gym.envs import AnywhereTasks, MlivrEnv
+from mlivr_gym.envs import AnywhereTasks, LayoutTasks, MlivrEnv, WalkTasks
 from mlivr_gym.envs.layout_tasks import OCCUPIED_SHARES
 from mlivr_gym.envs.streams import Stream
 from mlivr_gym.envs.task import Task
@@ -111,8 +111,19 @@ def test_faulty_tasks_are_refused(small_map, shuttle):
         for reset in (env.reset, copies.reset):
             with pytest.raises(error, match=words):
                 reset(seed=3)
+    env.tasks.draw.return_value = None
+    with pytest.raises(SettingError, match="drew None; it must be a Task"):
+        env.reset(seed=3)
     np.testing.assert_array_equal(copies.stances, before[0])
     np.testing.assert_array_equal(copies.goals, before[1])
+
+
+def test_fields_of_generators_are_checked(small_map):
+    for make in (lambda: WalkTasks(far="no"), lambda: LayoutTasks(clustered=1)):
+        with pytest.raises(SettingError, match="must be true or false"):
+            make()
+    with pytest.raises(SettingError, match="unknown field 'far'"):
+        MlivrEnv(map=small_map, tasks={"kind": "walk", "far": True})
 
 
 def tasks_of(grasp_map, kind):
