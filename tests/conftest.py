@@ -1,3 +1,5 @@
+import ctypes
+import gc
 import json
 import os
 import shlex
@@ -73,6 +75,15 @@ def pytest_xdist_auto_num_workers():
 def shared_graphs_are_left_as_they_were():
     yield
     assert not put_back()
+
+
+@pytest.fixture(scope="module", autouse=True)
+def memory_is_given_back():
+    """What the tests of a file have freed goes back to the system, not to the next file alone."""
+    yield
+    gc.collect()
+    if sys.platform.startswith("linux"):
+        getattr(ctypes.CDLL(None), "malloc_trim", bool)(0)
 
 
 @pytest.fixture(scope="session", autouse=True)
