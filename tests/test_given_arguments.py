@@ -229,9 +229,9 @@ def arguments(things, page):
 def test_neither_a_truth_value_nor_an_unknown_name_is_taken_for_another(things, page):
     """What takes a number refuses a truth value, and what takes one of some names all others."""
     both, taken = [], set()
-    for title, annotation, takes in arguments(things, page):
+    for k, (title, annotation, takes) in enumerate(arguments(things, page)):
         both += [(title, truth) for number, truth in NUMBERS if takes(truth) and takes(number)]
-        if "str" in annotation and takes("no such name"):
+        if "str" in annotation and takes(f"no such name {k}"):  # nor a file that was just written
             taken.add(title.rpartition(" ")[2])
     assert not both
     assert taken <= FREE
