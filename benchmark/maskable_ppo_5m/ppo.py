@@ -12,7 +12,7 @@ COPIES, STEPS = 64, 128
 
 
 def approach(outcome):
-    """Return a reward for the approach to the goal and for reaching it, less a price of the step."""
+    """Return a reward for the approach to the goal and for reaching it, less a price."""
     nearer = outcome.distance_before - outcome.distance_after
     return 3.0 * nearer + 3.0 * outcome.success - 0.3
 
