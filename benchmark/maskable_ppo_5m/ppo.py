@@ -12,7 +12,7 @@ COPIES, STEPS = 64, 128
 
 
 def approach(outcome):
-    """Return a reward for the approach to the goal and for reaching it, less a price."""
+    """Return a reward for getting closer to the goal and for reaching it, less one for the step."""
     nearer = outcome.distance_before - outcome.distance_after
     return 3.0 * nearer + 3.0 * outcome.success - 0.3
 
